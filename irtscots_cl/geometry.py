@@ -1,0 +1,82 @@
+"""Frames of the devices and the quadric form of the mirror. Lengths in mm, float64."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A device's frame in world coordinates: origin at the device, z from what it looks at back to the device.
+
+    position_mm: [3]; axes: [3, 3], the rows are the unit vectors x, y, z. x = unit(Y_world x z), y = z x x.
+    """
+
+    position_mm: np.ndarray
+    axes: np.ndarray
+
+    @classmethod
+    def looking(cls, position_mm, look_at_mm) -> Frame:
+        """Frame of a device at position_mm [3] that looks at look_at_mm [3]; not along the world's Y axis."""
+        position = np.asarray(position_mm, float)
+        z = _unit(position - np.asarray(look_at_mm, float))
+        x = _unit(np.cross([0.0, 1.0, 0.0], z))
+        return cls(position, np.stack([x, np.cross(z, x), z]))
+
+    def to_world(self, u_mm, v_mm) -> np.ndarray:
+        """World coordinates [..., 3] of the points (u, v, 0) of the frame."""
+        return self.position_mm + np.multiply.outer(u_mm, self.axes[0]) + np.multiply.outer(v_mm, self.axes[1])
+
+    def arrive(self, points_mm, directions) -> tuple[np.ndarray, np.ndarray]:
+        """Where rays from world points [..., 3] along directions [..., 3] cross the plane z = 0: (u, v) [...] in mm."""
+        from_device = (points_mm - self.position_mm) @ self.axes.T
+        along = directions @ self.axes.T
+        step = -from_device[..., 2] / along[..., 2]
+        return from_device[..., 0] + step * along[..., 0], from_device[..., 1] + step * along[..., 1]
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.linalg.norm(vector)
+
+
+@dataclass(frozen=True)
+class Quadric:
+    """Surface q_xx x^2 + q_yy y^2 + q_zz z^2 + 2 q_xz x z - 2 z = 0 [1/mm]: through the origin, normal +Z there.
+
+    Every conic of revolution, on axis or not, has this form in the frame of one of its points.
+    """
+
+    q_xx: float
+    q_yy: float
+    q_zz: float
+    q_xz: float = 0.0
+
+    @classmethod
+    def conic(cls, radius_mm: float, conic: float = 0.0, off_axis_mm: float = 0.0) -> Quadric:
+        """Conic of vertex radius radius_mm, seen from its point at off_axis_mm from the axis.
+
+        The segment's frame has +Z along the normal and +X away from the parent's axis.
+        """
+        c = 1.0 / radius_mm
+        parent = np.diag([c, c, (1.0 + conic) * c])
+        root = np.sqrt(1.0 - (1.0 + conic) * (c * off_axis_mm) ** 2)   # half the gradient's z at the point, negated
+        gradient = np.hypot(c * off_axis_mm, root)
+        sine, cosine = c * off_axis_mm / gradient, root / gradient     # of the normal's tilt towards the axis
+        x, z = np.array([cosine, 0.0, sine]), np.array([-sine, 0.0, cosine])
+        return cls(float(x @ parent @ x / gradient), float(c / gradient),
+                   float(z @ parent @ z / gradient), float(x @ parent @ z / gradient))
+
+    def meet(self, x0, y0, p, q) -> np.ndarray:
+        """Height z where the lines (x0 + p z, y0 + q z, z) meet the surface next to the origin; NaN where they miss."""
+        a = self.q_xx * p * p + self.q_yy * q * q + self.q_zz + 2.0 * self.q_xz * p
+        b = 1.0 - (self.q_xx * x0 * p + self.q_yy * y0 * q + self.q_xz * x0)
+        c = self.q_xx * x0 * x0 + self.q_yy * y0 * y0
+        with np.errstate(invalid="ignore"):
+            return c / (b + np.sqrt(b * b - a * c))
+
+    def gradient(self, x, y, z) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes dz/dx, dz/dy of the surface at its points (x, y, z)."""
+        down = 1.0 - self.q_zz * z - self.q_xz * x
+        return (self.q_xx * x + self.q_xz * z) / down, self.q_yy * y / down
