@@ -1,0 +1,181 @@
+"""OpenCL devices: selection, and what a device can do, found out by running tiny kernels on it."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import pyopencl as cl
+
+ENVIRONMENT = "IRTSCOTS_DEVICE"
+HINT = "install one: pip install 'pyopencl[pocl]' (CPU, Linux x86-64), or your GPU vendor's OpenCL driver"
+
+
+class DeviceError(RuntimeError):
+    """No usable OpenCL device; the message is one line."""
+
+
+@dataclass(frozen=True)
+class Device:
+    """An OpenCL device with its context and queue, made on first use."""
+
+    cl_device: cl.Device
+    index: str   # "platform:device", as `select_device` takes it
+
+    @property
+    def name(self) -> str:
+        return self.cl_device.name.strip()
+
+    @property
+    def platform(self) -> str:
+        return self.cl_device.platform.name.strip()
+
+    @property
+    def driver(self) -> str:
+        return f"{self.cl_device.platform.version.strip()} / {self.cl_device.driver_version.strip()}"
+
+    @property
+    def kind(self) -> str:
+        """"cpu", "gpu" or "other"."""
+        kinds = {cl.device_type.CPU: "cpu", cl.device_type.GPU: "gpu"}
+        return next((name for bit, name in kinds.items() if self.cl_device.type & bit), "other")
+
+    @cached_property
+    def context(self) -> cl.Context:
+        return cl.Context([self.cl_device])
+
+    @cached_property
+    def queue(self) -> cl.CommandQueue:
+        return cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+
+    @property
+    def local_memory_bytes(self) -> int:
+        return self.cl_device.local_mem_size
+
+    @property
+    def has_fp64(self) -> bool:
+        return bool(self.cl_device.double_fp_config)
+
+    def vector_width(self, precision: str) -> int:
+        """Rays side by side in a work-item: the device's own width on CPUs (4, 8 or 16), 1 elsewhere."""
+        if self.kind != "cpu":
+            return 1
+        if precision == "fp64":
+            return max(4, min(16, self.cl_device.native_vector_width_double))
+        return max(4, min(16, self.cl_device.native_vector_width_float))
+
+    def describe(self) -> dict[str, object]:
+        """Plain facts for reports."""
+        return {"index": self.index, "name": self.name, "platform": self.platform, "driver": self.driver,
+                "kind": self.kind, "compute_units": self.cl_device.max_compute_units}
+
+    def probe(self) -> dict[str, object]:
+        """Run tiny kernels and say what holds: rounding of sqrt and division, fma, 32-bit atomics, fp64.
+
+        Raises DeviceError if the device cannot even run them or counts wrongly.
+        """
+        return _probe(self)
+
+
+@lru_cache
+def all_devices() -> tuple[Device, ...]:
+    """Every OpenCL device of every platform, in the drivers' order; looked up once per process."""
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error:
+        return ()
+    found = []
+    for p, platform in enumerate(platforms):
+        try:
+            found += [Device(device, f"{p}:{d}") for d, device in enumerate(platform.get_devices())]
+        except cl.Error:   # a platform without a device reports an error
+            continue
+    return tuple(found)
+
+
+def select_device(choice: str | None = None) -> Device:
+    """A device by index ("0:0"), kind ("gpu", "cpu") or part of its or its platform's name, in any case of letters.
+
+    None takes the environment variable IRTSCOTS_DEVICE or, if that is not set, the best found: a GPU before a CPU,
+    more compute units before fewer. "pocl" names the embedded device. Raises DeviceError if nothing fits.
+    """
+    devices = all_devices()
+    if not devices:
+        raise DeviceError(f"no OpenCL device found; {HINT}")
+    source = "--device"
+    if choice is None:
+        choice, source = os.environ.get(ENVIRONMENT) or None, ENVIRONMENT
+    usable = [d for d in devices if d.cl_device.endian_little and d.cl_device.available]
+    matching = usable if choice is None else [d for d in usable if _matches(d, choice)]
+    if not matching:
+        allowed = "; ".join(f"{d.index} {d.name} ({d.platform})" for d in devices)
+        raise DeviceError(f"{source} = {choice!r}: no such usable device; found: {allowed}")
+    rank = {"gpu": 0, "other": 1, "cpu": 2}
+    return min(matching, key=lambda d: (rank[d.kind], -d.cl_device.max_compute_units))
+
+
+def _matches(device: Device, choice: str) -> bool:
+    wanted = choice.strip().lower()
+    if not wanted:
+        return False
+    if wanted in (device.kind, device.index):
+        return True
+    if wanted in ("cpu", "gpu") or ":" in wanted:
+        return False
+    platform = device.platform.lower().replace("portable computing language", "portable computing language pocl")
+    return wanted in device.name.lower() or wanted in platform
+
+
+_PROBE = """
+__kernel void probe(__global const float *x, __global float *root, __global float *quotient, __global float *fused,
+                    __global uint *counter) {
+    const uint i = get_global_id(0);
+    root[i] = sqrt(x[i]);
+    quotient[i] = 1.0f / x[i];
+    fused[i] = fma(x[i], x[i], -x[i] * x[i]);
+    atomic_add(&counter[0], i + 1);
+}
+"""
+_PROBE_FP64 = """
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+__kernel void probe(__global const double *x, __global double *y) {
+    y[get_global_id(0)] = 1.0 / x[get_global_id(0)];
+}
+"""
+
+
+def _probe(device: Device) -> dict[str, object]:
+    n = 1024
+    x = np.linspace(0.5, 7.0, n, dtype=np.float32)
+    try:
+        root, quotient, _, counter = _run(device, _PROBE, x, 4 * n, 4 * n, 4 * n, 4)
+        double = _run(device, _PROBE_FP64, x.astype(float), 8 * n)[0].view(float) if device.has_fp64 else None
+    except cl.Error as error:
+        raise DeviceError(f"device {device.index} {device.name}: cannot run a kernel: {str(error).splitlines()[0]}") from None
+    if counter.view(np.uint32)[0] != n * (n + 1) // 2:
+        raise DeviceError(f"device {device.index} {device.name}: 32-bit atomics count wrongly")
+    return {
+        "sqrt_correctly_rounded": bool(np.array_equal(root.view(np.float32), np.sqrt(x))),
+        "division_correctly_rounded": bool(np.array_equal(quotient.view(np.float32), np.float32(1) / x)),
+        "atomics_32": True,
+        "fp64": double is not None and bool(np.allclose(double, 1 / x.astype(float), rtol=1e-15, atol=0)),
+        "vector_width_fp32": device.vector_width("fp32"),
+        "memory_gib": round(device.cl_device.global_mem_size / 2**30, 2),
+        "local_memory_kib": device.cl_device.local_mem_size // 1024,
+    }
+
+
+def _run(device: Device, source: str, x: np.ndarray, *output_bytes: int) -> list[np.ndarray]:
+    """Run the source's kernel `probe` on x and on zeroed outputs; the outputs as bytes."""
+    flags = cl.mem_flags
+    inputs = cl.Buffer(device.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=x)
+    outputs = [cl.Buffer(device.context, flags.READ_WRITE | flags.COPY_HOST_PTR, hostbuf=np.zeros(size, np.uint8))
+               for size in output_bytes]
+    kernel = cl.Kernel(cl.Program(device.context, source).build(), "probe")
+    kernel(device.queue, (len(x),), None, inputs, *outputs)
+    results = [np.empty(size, np.uint8) for size in output_bytes]
+    for result, buffer in zip(results, outputs, strict=True):
+        cl.enqueue_copy(device.queue, result, buffer)
+    return results

@@ -1,0 +1,163 @@
+"""A scene's numbers as the kernels' structures: which files they need and what goes into every field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from irtscots_cl.calibration import Calibration
+from irtscots_cl.geometry import Frame
+from irtscots_cl.interface import (
+    LAUNCH, PRECISIONS, WEIGHT_ONE, emitter_dtype, frame_dtype, mirror_dtype, receiver_dtype, scene_dtype,
+    zernike_dtype, zernike_term_dtype,
+)
+from irtscots_cl.surface import Surface
+from irtscots_cl.zernike import RadialSeries
+
+RIM_POINTS = 32          # of the mirror, to fit the aim's ellipse
+AIM_MARGIN = 1e-4        # of the ellipse's axes, for what is not an ellipse between the rim points
+LARGE_DEVIATION_MM = 5e-3   # beyond it one Newton step leaves more than 1e-9 of slope (fp32's own rounding is 1e-8)
+
+
+@dataclass(frozen=True)
+class Packed:
+    """A scene ready for the kernels: file choices, C structures, and the scene structure itself."""
+
+    choices: dict[str, str]
+    structs: dict[str, np.dtype]
+    scene: np.ndarray   # [1]
+
+
+def pack(calibration: Calibration, precision: str) -> Packed:
+    """Everything about a scene that does not depend on the estimator."""
+    real, surface = PRECISIONS[precision], calibration.surface
+    deviation = surface.deviation
+    annular = surface.obscuration_radius_mm > 0
+    mirror = mirror_dtype(real, deviation is not None, annular)
+    structs = {"Launch": LAUNCH, "Emitter": emitter_dtype(real), "Receiver": receiver_dtype(real),
+               "Frame": frame_dtype(real), "Mirror": mirror}
+    zernike = None
+    if deviation is not None:
+        zernike = zernike_dtype(real, len(deviation.m), len(deviation.cosine))
+        structs |= {"ZernikeTerm": zernike_term_dtype(real), "Zernike": zernike}
+    structs["Scene"] = scene_dtype(real, mirror, zernike)
+    scene = np.zeros(1, structs["Scene"])
+    _fill_mirror(scene["mirror"][0:1], surface, precision)
+    _fill_frame(scene["screen"], calibration.screen_frame)
+    _fill_frame(scene["camera"], calibration.camera_frame)
+    _fill_devices(scene, calibration)
+    if deviation is not None:
+        _fill_zernike(scene["zernike"], deviation, surface.deviation_radius_mm)
+    choices = {"surface": _surface_file(calibration.scene.mirror),
+               "mirror": "deviated" if deviation is not None else "nominal",
+               "aperture": "annulus" if annular else "disk"}
+    return Packed(choices, structs, scene)
+
+
+def _surface_file(mirror) -> str:
+    if mirror.conic == 0:
+        return "sphere"   # also off axis: every point of a sphere is a vertex
+    return "off_axis" if mirror.off_axis_mm != 0 else "conic"
+
+
+def _fill_mirror(out: np.ndarray, surface: Surface, precision: str) -> None:
+    for name in ("q_xx", "q_yy", "q_zz", "q_xz"):
+        out[name] = getattr(surface.quadric, name)
+    out["aperture_radius2"] = surface.aperture_radius_mm**2
+    if surface.obscuration_radius_mm > 0:
+        out["obscuration_radius2"] = surface.obscuration_radius_mm**2
+    if surface.deviation is not None:
+        largest = np.abs(surface.deviation.cosine).sum() + np.abs(surface.deviation.sine).sum()
+        out["newton_steps"] = 1 + (precision == "fp64") + (largest > LARGE_DEVIATION_MM)
+
+
+def _fill_frame(out: np.ndarray, frame: Frame) -> None:
+    out["position"] = frame.position_mm
+    for name, axis in zip(("axis_x", "axis_y", "axis_z"), frame.axes, strict=True):
+        out[name] = axis
+    out["offset"] = -frame.axes @ frame.position_mm
+
+
+def _fill_devices(out: np.ndarray, calibration: Calibration) -> None:
+    screen, camera = calibration.scene.screen, calibration.scene.camera
+    edge = np.array(screen.pixels) / 2 - np.array(screen.centre_offset_mm) / screen.pitch_mm
+    values = {
+        "screen_pitch": screen.pitch_mm, "inverse_screen_pitch": 1 / screen.pitch_mm,
+        "screen_left": edge[0], "screen_top": edge[1],
+        "aperture_radius": camera.aperture_diameter_mm / 2, "aperture_radius2": (camera.aperture_diameter_mm / 2) ** 2,
+        "inverse_focal_length": 1 / camera.focal_length_mm, "inverse_focus": 1 / camera.focus_mm,
+        "image_distance": camera.image_distance_mm, "inverse_image_distance": 1 / camera.image_distance_mm,
+        "detector_pitch": camera.detector.pitch_mm, "inverse_detector_pitch": 1 / camera.detector.pitch_mm,
+        "detector_columns": camera.detector.pixels[0], "detector_rows": camera.detector.pixels[1],
+    }
+    for name, value in values.items():
+        out[name] = value
+
+
+def _fill_zernike(out: np.ndarray, series: RadialSeries, radius_mm: float) -> None:
+    out["inverse_radius"] = 1 / radius_mm
+    out["order"], out["count"], out["series_count"] = series.m, series.count, len(series.m)
+    term = out["term"]
+    for name in ("cosine", "sine", "alpha", "beta"):
+        term[name] = getattr(series, name)
+    # The next term's gamma; at the end of a series it multiplies zero.
+    term["gamma_next"] = np.append(series.gamma[1:], 0.0)
+
+
+def receivers(calibration: Calibration, slots: np.ndarray, origins: np.ndarray, precision: str) -> np.ndarray:
+    """Adjoint sources [slots]: slots are flat detector pixel numbers, origins [slots, 2] the windows' (column, row)."""
+    rows, columns = np.divmod(slots, calibration.shape[1])
+    out = np.zeros(len(slots), receiver_dtype(PRECISIONS[precision]))
+    out["x"], out["y"] = calibration.image_point(rows, columns)
+    out["weight_scale"] = WEIGHT_ONE / cosine4(calibration, slots)
+    out["column"], out["row"] = origins.T
+    out["pixel"] = slots
+    return out
+
+
+def cosine4(calibration: Calibration, slots: np.ndarray) -> np.ndarray:
+    """cos^4 of the chief rays' object-side angle to the camera's axis at the pixels' centres [slots]."""
+    x, y = calibration.image_point(*np.divmod(slots, calibration.shape[1]))
+    distance = calibration.scene.camera.image_distance_mm
+    return (1 + (x**2 + y**2) / distance**2) ** -2
+
+
+def emitters(calibration: Calibration, precision: str, overfill: float) -> tuple[np.ndarray, np.ndarray]:
+    """Forward sources [rows * columns of the screen] and the area of their aim's ellipse in direction cosines [same].
+
+    overfill: the ellipse's area over the least that covers the mirror.
+    """
+    screen, frame, surface = calibration.scene.screen, calibration.screen_frame, calibration.surface
+    columns, rows = screen.pixels
+    out = np.zeros(rows * columns, emitter_dtype(PRECISIONS[precision]))
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    x = (column - (columns - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[0]
+    y = (row - (rows - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[1]
+    out["x"], out["y"] = x, y
+    angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
+    rim_x, rim_y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
+    rim = np.stack([rim_x, rim_y, surface.sag(rim_x, rim_y)], -1)
+    area = np.empty(len(out))
+    for part in np.array_split(np.arange(len(out)), len(out) // 4096 + 1):   # bounds the memory of large screens
+        centre, root = _aim(frame, rim, x[part], y[part], screen.pitch_mm)
+        root = root * np.sqrt(overfill)
+        out["centre_l"][part], out["centre_m"][part] = centre.T
+        out["aim_ll"][part], out["aim_ml"][part], out["aim_mm"][part] = root[:, 0, 0], root[:, 1, 0], root[:, 1, 1]
+        area[part] = np.pi * root[:, 0, 0] * root[:, 1, 1]
+    return out, area
+
+
+def _aim(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch: float) -> tuple[np.ndarray, np.ndarray]:
+    """Covering ellipses for screen pixels at (x, y) [n]: centres [n, 2], lower triangular half-axis matrices [n, 2, 2]."""
+    rays = rim - frame.to_world(x, y)[:, None, :]
+    distance = np.linalg.norm(rays, axis=-1, keepdims=True)
+    cosines = (rays / distance) @ frame.axes[:2].T
+    centre = cosines.mean(1)
+    spread = cosines - centre[:, None, :]
+    # Points spread evenly in angle over an ellipse's rim have half its shape matrix as covariance.
+    root = np.linalg.cholesky(2 * np.einsum("nki,nkj->nij", spread, spread) / rim.shape[0])
+    reach = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
+    shortest = np.linalg.svd(root, compute_uv=False)[:, -1]
+    pixel = pitch * np.sqrt(0.5) / distance.min((1, 2))   # half a pixel's diagonal, as an angle
+    return centre, root * (reach * (1 + AIM_MARGIN) + pixel / shortest)[:, None, None]

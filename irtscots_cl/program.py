@@ -1,0 +1,116 @@
+"""From kernel files to a built program: which files a scene needs, one source text, one build.
+
+A kernel file includes others with #include "name.cl". A name with a star, such as "surface_*.cl", stands for a choice:
+the host picks the one file of that family that the scene, the sampler or the device needs. Every file comes in once,
+with #line before it, so that a compiler's message names the right file and line.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pyopencl as cl
+
+from irtscots_cl.device import Device, DeviceError
+from irtscots_cl.interface import PRECISIONS, c_declarations
+
+_INCLUDE = re.compile(r'^#include "([a-z0-9_]+(?:_\*)?\.cl)"\s*$')
+
+
+def kernels_folder() -> Path:
+    """The folder of the kernel files: inside the installed package, or beside it in a source tree."""
+    package = Path(__file__).parent
+    for folder in (package / "kernels", package.parent / "kernels"):
+        if folder.is_dir():
+            return folder
+    raise FileNotFoundError("the package's kernels folder is missing")
+
+
+@dataclass(frozen=True)
+class Source:
+    """A composed OpenCL source: text, build options, and the kernel files in it in order."""
+
+    text: str
+    options: tuple[str, ...]
+    files: tuple[str, ...]
+
+
+def compose(entry: str | Path, choices: dict[str, str], structs: dict[str, np.dtype], precision: str, width: int) -> Source:
+    """Source of the kernel file `entry` with everything that it includes.
+
+    entry: a name in the kernels folder, or the path of a file elsewhere that includes files from there.
+    choices: family -> member, e.g. {"surface": "sphere"}; structs: as interface.c_declarations takes them.
+    width: rays side by side in a work-item, 1, 4, 8 or 16.
+    """
+    choices = choices | {"real": "float" if precision == "fp32" else "double",
+                         "simd": "vector" if width > 1 else "scalar"}
+    folder = kernels_folder()
+    files: list[str] = []
+    pieces = _expand(folder, entry, choices, files)
+    # The structures need the types' names only, so they come first, before any kernel file.
+    text = '#line 1 "interface (generated)"\n' + _pragma(precision) + c_declarations(structs) + "".join(pieces)
+    options = (f"-DWIDTH={width}", f"-DHALF={width // 2}") if width > 1 else ()
+    return Source(text, (*options, "-cl-std=CL1.2"), tuple(files))
+
+
+def _pragma(precision: str) -> str:
+    return "#pragma OPENCL EXTENSION cl_khr_fp64 : enable\n" if precision == "fp64" else ""
+
+
+def _expand(folder: Path, entry: str | Path, choices: dict[str, str], files: list[str]) -> list[str]:
+    """Text of one file and of what it includes and is not yet in files, depth first."""
+    name = Path(entry).name
+    if name in files:
+        return []
+    lines = _lines(folder / entry)   # an absolute path stands for itself
+    pieces, here = [], f'#line 1 "{name}"\n'
+    for number, line in enumerate(lines, 1):
+        match = _INCLUDE.match(line)
+        if match is None:
+            here += line + "\n"
+            continue
+        pieces += [here, *_expand(folder, _chosen(match[1], choices), choices, files)]
+        here = f'#line {number + 1} "{name}"\n'
+    files.append(name)
+    return [*pieces, here]
+
+
+@lru_cache
+def _lines(path: Path) -> list[str]:
+    return path.read_text(encoding="ascii").splitlines()
+
+
+def _chosen(name: str, choices: dict[str, str]) -> str:
+    return name if "*" not in name else name.replace("*", choices[name.split("_*")[0]])
+
+
+_built: dict[tuple[cl.Context, Source], cl.Program] = {}
+
+
+def build(device: Device, source: Source) -> cl.Program:
+    """The built program; a second call with the same device and source returns the first one's.
+
+    Across processes the drivers' own binary caches serve (PoCL, NVIDIA and others keep one per user).
+    Raises DeviceError if the device's compiler refuses the source.
+    """
+    key = (device.context, source)
+    if key not in _built:
+        try:
+            program = cl.Program(device.context, source.text).build(options=list(source.options), cache_dir=False)
+        except cl.Error as error:
+            log = next((line for line in str(error).splitlines() if "error" in line.lower()), str(error))
+            raise DeviceError(f"device {device.index} {device.name}: kernels do not build: {log.strip()[:300]}") from error
+        _built[key] = program
+    return _built[key]
+
+
+def check_precision(device: Device, precision: str) -> None:
+    """Raises DeviceError if the device cannot compute in that precision ("fp32", "fp64")."""
+    if precision not in PRECISIONS:
+        raise ValueError(f"precision = {precision!r}: must be fp32 or fp64")
+    if precision == "fp64" and not device.has_fp64:
+        raise DeviceError(f"--precision = fp64: device {device.index} {device.name} has no double precision; use fp32")

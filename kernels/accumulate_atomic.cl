@@ -1,0 +1,11 @@
+// Accumulation straight into global memory by atomics: for GPUs, where thousands of work-items are under way and none can
+// own a tile, and for detectors too large for a tile. The same verbs as accumulate_tile.cl, the same sums bit for bit.
+#include "window.cl"
+
+inline void hits_begin(Hits *hits) {}
+inline void hits_add(Hits *hits, int pixel) { hits_store(hits, pixel, 1); }
+inline void hits_end(Hits *hits) {}
+
+inline void light_begin(Light *light) {}
+inline void light_add(Light *light, int bin, uint amount) { light_store(light, bin, amount); }
+inline void light_end(Light *light) {}
