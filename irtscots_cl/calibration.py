@@ -153,6 +153,19 @@ class Calibration:
         return np.stack(lowest, -1), np.stack(highest, -1)
 
 
+    def light_shape(self, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The light of a pixel along the screen's x (k = 0) or y (k = 1) under its local linear map, [rows, columns] mm.
+
+        Returns the half-width of the aperture's image, and the widths of the pixel's own image along its row step and
+        its column step: the profile is the aperture's chord spread over these two boxes.
+        """
+        corner, rim = self._corners[1 + k], self._rims[1 + k]
+        half_width = np.hypot(rim @ _RIM[:, 0], rim @ _RIM[:, 1]) / (len(_RIM) / 2)
+        along_row = (corner[1:, :-1] - corner[:-1, :-1] + corner[1:, 1:] - corner[:-1, 1:]) / 2
+        along_column = (corner[:-1, 1:] - corner[:-1, :-1] + corner[1:, 1:] - corner[1:, :-1]) / 2
+        return half_width, np.abs(along_row), np.abs(along_column)
+
+
 def check_visible(calibration: Calibration, source: str) -> None:
     """Refuse a scene whose detector sees no mirror or whose mirror shows no screen pixel to the detector.
 

@@ -6,7 +6,7 @@ import os
 from importlib import resources
 from typing import Any
 
-from .scene import Scene, nearest, problem
+from irtscots_cl.scene import Scene, nearest, problem
 
 MAX_FILE_BYTES = 2**20
 

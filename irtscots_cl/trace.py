@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.calibration import Calibration, check_visible
-from irtscots_cl.device import Device, DeviceError, select_device
+from irtscots_cl.device import Device, select_device
 from irtscots_cl.execution import LocalMemory, Workspace
 from irtscots_cl.interface import LAUNCH, WEIGHT_ONE, Fate
-from irtscots_cl.packing import cosine4, emitters, pack, receivers
+from irtscots_cl.packing import Packed, cosine4, emitters, pack, receivers
 from irtscots_cl.program import Source, check_precision, compose
 from irtscots_cl.samplers import SAMPLERS
 from irtscots_cl.scene import Scene
-from irtscots_cl.transport import Transport, ledger_from
+from irtscots_cl.transport import Transport, gather, ledger_from
 
 ESTIMATORS = ("forward", "adjoint")
 MAX_RAYS_PER_ITEM = 2**18      # of one work-item: amortises its tile, and keeps every 32-bit tile bin below 2^32
@@ -129,7 +129,8 @@ class _Job:
         packed = pack(calibration, precision)
         if estimator == "forward":
             sources, area = emitters(calibration, precision, overfill)
-            self.unit_w = self._by_screen_pixel(gain * screen.pitch_mm**2 * area)
+            unit = (gain * screen.pitch_mm**2 * area).reshape(screen.pixels[::-1])
+            self.unit_w = gather(unit, windows.origins, windows.rows, windows.columns)
             tile = LocalMemory(4 * self.detector_pixels)
         else:
             sources = receivers(calibration, windows.pixels, windows.origins, precision)
@@ -139,8 +140,8 @@ class _Job:
             tile = LocalMemory(8 * (windows.rows * windows.columns + len(Fate)))
         self.streams = len(sources)
         tiled = device.kind == "cpu" and tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes)
-        source = compose_trace(packed, device, estimator, sampler, precision, "tile" if tiled else "atomic")
-        self._workspace = work = Workspace(device, source, f"trace_{estimator}")
+        self.source = compose_trace(packed, device, estimator, sampler, precision, "tile" if tiled else "atomic")
+        self._workspace = work = Workspace(device, self.source, f"trace_{estimator}")
         self._counts = work.empty(8 * len(windows.pixels) * windows.rows * windows.columns)
         self._ledger = work.empty(8 * len(Fate))
         slots = np.full(self.detector_pixels, -1, np.int32)
@@ -150,13 +151,6 @@ class _Job:
         self._after = [work.upload(sources), *lookup, self._counts, self._ledger,
                        tile if tiled else LocalMemory(8)]
         self._rays_per_second = 0.0
-
-    def _by_screen_pixel(self, of_pixel: np.ndarray) -> np.ndarray:
-        """Values of screen pixels [rows * columns] gathered into the windows [n, window rows, window columns]."""
-        windows = self.windows
-        column = windows.origins[:, 0, None, None] + np.arange(windows.columns)
-        row = windows.origins[:, 1, None, None] + np.arange(windows.rows)[:, None]
-        return of_pixel[row * self.scene.screen.pixels[0] + column]
 
     def run(self, rays: np.ndarray, progress, launch_rays: int | None) -> tuple[np.ndarray, np.ndarray]:
         """Trace all replicates: counts [replicates, n, window rows, window columns] and the ledger [Fate]."""
@@ -194,10 +188,19 @@ class _Job:
         self._rays_per_second = max(streams * rays / max(seconds, 1e-6), 1e6)
 
 
-def compose_trace(packed, device: Device, estimator: str, sampler: str, precision: str, accumulate: str) -> Source:
-    """The estimator's kernel source for a packed scene on a device."""
+def compose_trace(packed: Packed, device: Device, estimator: str, sampler: str, precision: str,
+                  accumulate: str) -> Source:
+    """The estimator's kernel source for a packed scene on a device; accumulate: "tile" or "atomic"."""
     choices = packed.choices | {"sampler": sampler, "accumulate": accumulate}
     return compose(f"trace_{estimator}.cl", choices, packed.structs, precision, device.vector_width(precision))
 
 
-__all__ = ["ESTIMATORS", "DeviceError", "Windows", "compose_trace", "place_windows", "plan_launches", "trace"]
+def source_for(scene: Scene, device: Device, estimator: str = "adjoint", sampler: str = "philox",
+               precision: str = "fp32") -> Source:
+    """The exact source that `trace` builds for a scene. Raises as trace does."""
+    _check(estimator, sampler, rays_per_pixel=1, replicates=1, seed=0, overfill=1.0)
+    check_precision(device, precision)
+    calibration = Calibration(scene)
+    check_visible(calibration, f"scene {scene.name}")
+    job = _Job(calibration, device, estimator, sampler, precision, 0, 1.0, place_windows(calibration, 1))
+    return job.source

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from irtscots_cl.interface import Fate
+from irtscots_cl.interface import WEIGHT_ONE, Fate
 from irtscots_cl.scene import Scene
 
 
@@ -51,6 +51,19 @@ class Transport:
             return self.counts.sum(0) * (self.unit_w / self.rays.sum())
         return self.counts[replicate] * (self.unit_w / self.rays[replicate])
 
+    def hits(self) -> np.ndarray:
+        """Rays [n] that brought light to each detector pixel, of all replicates."""
+        one = WEIGHT_ONE if self.estimator == "adjoint" else 1
+        return self.counts.sum((0, 2, 3)) / one
+
+    def gather(self, of_screen: np.ndarray) -> np.ndarray:
+        """Values [rows, columns] of the screen's pixels as seen through the windows [n, window rows, window columns]."""
+        return gather(of_screen, self.origins, *self.counts.shape[2:])
+
+    def images(self, pattern):
+        """The images under a pattern (patterns.LineScan), without new rays."""
+        return pattern.images(self)
+
     def standard_error_w(self) -> np.ndarray:
         """Standard error of flux_w() per bin, from the scatter of the replicates; NaN with fewer than two."""
         if self.replicates < 2:
@@ -59,6 +72,13 @@ class Transport:
         for r in range(self.replicates):
             variance += (self.flux_w(r) - mean) ** 2
         return np.sqrt(variance / (self.replicates * (self.replicates - 1)))
+
+
+def gather(of_screen: np.ndarray, origins: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """Values [rows, columns] of the screen in windows of rows x columns at origins [n, 2] (column, row)."""
+    column = origins[:, 0, None, None] + np.arange(columns)
+    row = origins[:, 1, None, None] + np.arange(rows)[:, None]
+    return of_screen[row, column]
 
 
 def ledger_from(counts: np.ndarray, launched: int) -> dict[str, int]:

@@ -1,0 +1,84 @@
+"""Simulation of a SCOTS deflectometry test of a mirror, from the screen's light to the measured height map.
+
+    import irtscots_cl as irt
+    scene = irt.load_scene("sphere-deviated")
+    run = irt.trace(scene, rays_per_pixel=1024, seed=1)
+    result = irt.reconstruct(run.images(irt.LineScan(scene)), scene.nominal())
+
+Map of the files, in layers; a file imports only from files above it:
+
+    geometry, zernike, zonal                              mathematics
+    scene, presets, surface, calibration                  what is tested, with what, and its chief rays
+    interface, device, program, execution                 OpenCL: no other file imports pyopencl
+    samplers, packing, transport, trace                   scene + device -> Transport
+    patterns, images                                      Transport -> image stack
+    lightcurves, centroids, slopes, reconstruction        image stack -> height; never sees the true surface
+    report, pipeline, cli                                 assembly
+
+The kernels are OpenCL C in kernels/: at the top of the repository, inside the package once it is installed.
+"""
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+# Public name -> the module that defines it. Nothing is imported before it is asked for: listing the scenes or a
+# wrong argument on the command line need not wait for NumPy, OpenCL and Matplotlib.
+_PUBLIC = {
+    "DeviceError": "device",
+    "LineScan": "patterns",
+    "Scene": "scene",
+    "SceneError": "scene",
+    "Transport": "transport",
+    "all_devices": "device",
+    "compare": "comparison",
+    "integrate_slopes": "zonal",
+    "load_scene": "presets",
+    "reconstruct": "reconstruction",
+    "select_device": "device",
+    "trace": "trace",
+    "zernike": "zernike",
+}
+
+__all__ = ["__version__", *_PUBLIC]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        value = _version()
+    elif name in _PUBLIC:
+        value = getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value  # the next access is a plain one
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("irtscots-cl")
+    except PackageNotFoundError:  # a source tree on the path
+        return "0+uninstalled"
+
+
+class _Package(ModuleType):
+    """This package. `trace` and `zernike` are functions and also the modules that hold them; the function wins.
+
+    The import system binds a submodule as an attribute of its package when it is first imported, by whoever comes
+    first. For a public name that binding is left out, so that `irtscots_cl.trace` is the function at all times. The
+    modules are imported from as usual: `from irtscots_cl.trace import plan_launches`.
+    """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _PUBLIC and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

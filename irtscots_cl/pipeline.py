@@ -1,0 +1,86 @@
+"""The main job from scene to report: the one module that knows every stage."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from irtscots_cl.comparison import Comparison, compare
+from irtscots_cl.device import Device
+from irtscots_cl.files import check_output_folder, write_json, write_result
+from irtscots_cl.images import ImageStack
+from irtscots_cl.patterns import LineScan
+from irtscots_cl.prediction import predict_error
+from irtscots_cl.reconstruction import Reconstruction, reconstruct
+from irtscots_cl.report import build_report, versions, write_html
+from irtscots_cl.scene import Scene
+from irtscots_cl.trace import trace
+from irtscots_cl.transport import Transport
+from irtscots_cl.zonal import remove_terms, rms
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished simulation and its measurement. report: as report.json holds it."""
+
+    transport: Transport
+    stack: ImageStack
+    result: Reconstruction
+    comparison: Comparison
+    report: dict
+
+
+def simulate(scene: Scene, *, device: Device | None = None, progress: Callable[[int, int], None] | None = None,
+             **trace_options) -> Run:
+    """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
+
+    trace_options: estimator, sampler, precision, rays_per_pixel, replicates, seed, overfill of `trace`. Raises as `trace`
+    and `reconstruct` do.
+    """
+    started = time.perf_counter()
+    transport = trace(scene, device=device, progress=progress, **trace_options)
+    traced = time.perf_counter()
+    stack = transport.images(LineScan(scene))
+    result = reconstruct(stack, scene.nominal())
+    measured = time.perf_counter()
+    comparison, predicted = compare(result, scene), predict_error(result, stack)
+    seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
+    return Run(transport, stack, result, comparison, build_report(transport, result, comparison, predicted, seconds))
+
+
+def write_run(run: Run, folder: Path) -> None:
+    """Write report.json, result.h5, report.html and figures/*.png; the folder is made if it is not there.
+
+    report.json comes last: where it is, the others are complete.
+    """
+    check_output_folder(folder)
+    from irtscots_cl.plots import write_figures   # matplotlib is slow to import: only where figures are made
+
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    report, toml = run.report, run.transport.scene.to_toml()
+    attributes = {"scene": toml, "seed": str(report["seed"]), "device": report["device"]["name"],
+                  "driver": report["device"]["driver"], "estimator": report["estimator"],
+                  "sampler": report["sampler"], "precision": report["precision"], "ledger_unit": "rays"}
+    attributes |= {f"version {name}": value for name, value in versions().items()}
+    write_result(folder / "result.h5", run.stack, run.result, attributes)
+    figures = write_figures(folder / "figures", run.stack, run.result, run.comparison)
+    write_html(folder / "report.html", report, figures, toml)
+    write_json(folder / "report.json", report)
+
+
+def measure(stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 0.0) -> dict[str, float]:
+    """Measure a mirror from images alone; writes result.h5 and figures and returns the main figures of the result."""
+    from irtscots_cl.plots import write_figures
+
+    result = reconstruct(stack, nominal, threshold=threshold)
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    attributes = {"scene": nominal.to_toml()} | {f"version {name}": value for name, value in versions().items()}
+    write_result(folder / "result.h5", stack, result, attributes)
+    write_figures(folder / "figures", stack, result, None)
+    facts: dict[str, float] = {"pixels_used": result.pixels_used}
+    for terms in ("piston", "piston_tilt", "piston_tilt_power"):
+        left = remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, terms)
+        facts[f"deviation_nm_rms_{terms}"] = rms(left, result.mask) * 1e6
+    return facts
