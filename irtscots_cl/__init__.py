@@ -11,9 +11,10 @@ Map of the files, in layers; a file imports only from files above it:
     scene, presets, surface, calibration                  what is tested, with what, and its chief rays
     interface, device, program, execution                 OpenCL: no other file imports pyopencl
     samplers, packing, transport, trace                   scene + device -> Transport
-    patterns, images                                      Transport -> image stack
-    lightcurves, centroids, slopes, reconstruction        image stack -> height; never sees the true surface
-    report, pipeline, cli                                 assembly
+    images, patterns                                      Transport -> image stack
+    lightcurves, centroids, slopes, reconstruction,
+    prediction                                            image stack -> height; never sees the true surface
+    comparison, files, report, plots, pipeline, cli       assembly
 
 The kernels are OpenCL C in kernels/: at the top of the repository, inside the package once it is installed.
 """

@@ -15,7 +15,7 @@ from irtscots_cl.geometry import Frame
 from irtscots_cl.scene import Scene, SceneError
 from irtscots_cl.surface import Surface
 
-SUBPIXELS = 16   # per axis, in pixels that the mirror's edge crosses: footprint areas to about half a percent
+SUBPIXELS = 16  # per axis, in pixels that the mirror's edge crosses: footprint areas to about half a percent
 _RIM = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], -1)
 
 
@@ -113,7 +113,7 @@ class Calibration:
         return Footprint(x, y, coverage)
 
     def _sampled(self, row, column, per_axis: int, margin_mm: float):
-        """Centroid and covered fraction of the footprints of pixels (row, column) [n] from per_axis^2 chief rays each."""
+        """Centroid and covered fraction of the footprints of pixels (row, column) [n], per_axis^2 chief rays each."""
         # two points per axis: the Gauss rule, exact for a footprint's cubic distortion
         step = np.array([-0.5, 0.5]) / np.sqrt(3.0) if per_axis == 2 else (np.arange(per_axis) + 0.5) / per_axis - 0.5
         step_row, step_column = (s.ravel() for s in np.meshgrid(step, step, indexing="ij"))
@@ -131,7 +131,7 @@ class Calibration:
         """Pixels [rows, columns] that light from the mirror can reach through any point of the aperture."""
         corners, rims = self._corners[0], self._rims[0]
         size = np.nanmax(np.linalg.norm(corners[1:, 1:, :2] - corners[:-1, :-1, :2], axis=-1), initial=0.0)
-        blur = np.nanmax(np.abs(rims - rims.mean(-2, keepdims=True)), initial=0.0)   # footprint of one image point
+        blur = np.nanmax(np.abs(rims - rims.mean(-2, keepdims=True)), initial=0.0)  # footprint of one image point
         return self._footprint(float(blur + size / SUBPIXELS)).coverage > 0
 
     def landing_range(self) -> tuple[np.ndarray, np.ndarray]:
@@ -144,17 +144,17 @@ class Calibration:
         _, corner_u, corner_v = self._corners
         _, rim_u, rim_v = self._rims
         lowest, highest = [], []
-        for corner, rim, offset, count in zip((corner_u, corner_v), (rim_u, rim_v),
-                                              screen.centre_offset_mm, screen.pixels, strict=True):
+        for corner, rim, offset, count in zip(
+            (corner_u, corner_v), (rim_u, rim_v), screen.centre_offset_mm, screen.pixels, strict=True
+        ):
             four = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]])
-            reach = (rim.max(-1) - rim.min(-1)) / 2 * 1.1   # eight rim points reach at least 0.92 of the true extreme
+            reach = (rim.max(-1) - rim.min(-1)) / 2 * 1.1  # eight rim points reach at least 0.92 of the true extreme
             for edge, out in ((np.fmin.reduce(four) - reach, lowest), (np.fmax.reduce(four) + reach, highest)):
                 out.append((edge - offset) / screen.pitch_mm + (count - 1) / 2)
         return np.stack(lowest, -1), np.stack(highest, -1)
 
-
     def light_shape(self, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The light of a pixel along the screen's x (k = 0) or y (k = 1) under its local linear map, [rows, columns] mm.
+        """A pixel's light along the screen's x (k = 0) or y (k = 1) under its local linear map, [rows, columns] mm.
 
         Returns the half-width of the aperture's image, and the widths of the pixel's own image along its row step and
         its column step: the profile is the aperture's chord spread over these two boxes.
@@ -173,12 +173,16 @@ def check_visible(calibration: Calibration, source: str) -> None:
     """
     scene = calibration.scene
     if not calibration.sees_mirror.any():
-        raise SceneError(f"{source}: camera.look_at_mm = {list(scene.camera.look_at_mm)}: "
-                         "no detector pixel sees the mirror; must bring the mirror into the field of view")
+        raise SceneError(
+            f"{source}: camera.look_at_mm = {list(scene.camera.look_at_mm)}: "
+            "no detector pixel sees the mirror; must bring the mirror into the field of view"
+        )
     lowest, highest = (edge[calibration.sees_mirror] for edge in calibration.landing_range())
     size = np.array(scene.screen.pixels)
     if not np.any(np.all((highest >= -0.5) & (lowest <= size - 0.5), axis=-1)):
         offset = (np.nanmean((lowest + highest) / 2, axis=0) - (size - 1) / 2) * scene.screen.pitch_mm
-        raise SceneError(f"{source}: screen.position_mm = {list(scene.screen.position_mm)}: no detector pixel sees the "
-                         f"screen in the mirror; the pixel grid must reach the light, which lands about "
-                         f"{offset[0]:.1f}, {offset[1]:.1f} mm from its centre in the screen's x, y")
+        raise SceneError(
+            f"{source}: screen.position_mm = {list(scene.screen.position_mm)}: no detector pixel sees the "
+            f"screen in the mirror; the pixel grid must reach the light, which lands about "
+            f"{offset[0]:.1f}, {offset[1]:.1f} mm from its centre in the screen's x, y"
+        )

@@ -13,7 +13,7 @@ from irtscots_cl.scene import SceneError
 
 EXIT_BAD_INPUT = 2
 EXIT_NO_DEVICE = 3
-EXIT_INTERRUPTED = 130   # as a shell reports Ctrl-C
+EXIT_INTERRUPTED = 130  # as a shell reports Ctrl-C
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -26,7 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _fail("interrupted; nothing was written", EXIT_INTERRUPTED)
     except RuntimeError as error:
-        if type(error).__name__ != "DeviceError":   # its class lives behind the slow import of pyopencl
+        if type(error).__name__ != "DeviceError":  # its class lives behind the slow import of pyopencl
             raise
         return _fail(error, EXIT_NO_DEVICE)
 
@@ -37,8 +37,10 @@ def _fail(message: object, code: int) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="irtscots", description="Simulate a SCOTS deflectometry test of a mirror and "
-                                     "measure the mirror from the simulated images.")
+    parser = argparse.ArgumentParser(
+        prog="irtscots",
+        description="Simulate a SCOTS deflectometry test of a mirror and measure the mirror from the simulated images.",
+    )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for add in (_add_run, _add_scenes, _add_devices, _add_kernel, _add_reconstruct):
         add(commands)
@@ -57,27 +59,55 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_trace_choices(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--estimator", default="adjoint", metavar="E", help="forward (rays leave the screen) or adjoint "
-                        "(rays leave the detector); default adjoint")
+    parser.add_argument(
+        "--estimator",
+        default="adjoint",
+        metavar="E",
+        help="forward (rays leave the screen) or adjoint (rays leave the detector); default adjoint",
+    )
     parser.add_argument("--sampler", default="philox", metavar="S", help="philox (independent random numbers)")
     parser.add_argument("--precision", default="fp32", metavar="P", help="fp32 (default) or fp64")
-    parser.add_argument("--device", metavar="D", help="part of a device's name, its index such as 0:0, cpu or gpu; "
-                        "default: environment variable IRTSCOTS_DEVICE, or the best found")
+    parser.add_argument(
+        "--device",
+        metavar="D",
+        help="part of a device's name, its index such as 0:0, cpu or gpu; "
+        "default: environment variable IRTSCOTS_DEVICE, or the best found",
+    )
 
 
 def _add_run(commands) -> None:
-    parser = _command(commands, "run", _run, "simulate a test of a mirror and measure it",
-                      "Writes report.json, report.html, result.h5 and figures into the output folder.")
+    parser = _command(
+        commands,
+        "run",
+        _run,
+        "simulate a test of a mirror and measure it",
+        "Writes report.json, report.html, result.h5 and figures into the output folder.",
+    )
     _add_scene(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME")
     _add_trace_choices(parser)
-    parser.add_argument("--rays-per-pixel", type=int, default=16384, metavar="N",
-                        help="rays per detector pixel (adjoint) or per screen pixel (forward); default 16384")
-    parser.add_argument("--replicates", type=int, default=8, metavar="R",
-                        help="independent parts of the rays, for error bars; default 8")
+    parser.add_argument(
+        "--rays-per-pixel",
+        type=int,
+        default=16384,
+        metavar="N",
+        help="rays per detector pixel (adjoint) or per screen pixel (forward); default 16384",
+    )
+    parser.add_argument(
+        "--replicates",
+        type=int,
+        default=8,
+        metavar="R",
+        help="independent parts of the rays, for error bars; default 8",
+    )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the random numbers; default 1")
-    parser.add_argument("--overfill", type=float, default=1.0, metavar="F", help="forward: solid angle of the emission "
-                        "over the least that covers the mirror; default 1")
+    parser.add_argument(
+        "--overfill",
+        type=float,
+        default=1.0,
+        metavar="F",
+        help="forward: solid angle of the emission over the least that covers the mirror; default 1",
+    )
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -91,9 +121,18 @@ def _run(options: argparse.Namespace) -> int:
 
     device = select_device(options.device)
     with _progress() as progress:
-        run = simulate(scene, device=device, progress=progress, estimator=options.estimator, sampler=options.sampler,
-                       precision=options.precision, rays_per_pixel=options.rays_per_pixel,
-                       replicates=options.replicates, seed=options.seed, overfill=options.overfill)
+        run = simulate(
+            scene,
+            device=device,
+            progress=progress,
+            estimator=options.estimator,
+            sampler=options.sampler,
+            precision=options.precision,
+            rays_per_pixel=options.rays_per_pixel,
+            replicates=options.replicates,
+            seed=options.seed,
+            overfill=options.overfill,
+        )
     write_run(run, folder)
     if options.json:
         from irtscots_cl.files import plain
@@ -107,7 +146,7 @@ def _run(options: argparse.Namespace) -> int:
     return 0
 
 
-class _progress:   # noqa: N801  used as a function: `with _progress() as report:`
+class _progress:  # noqa: N801  used as a function: `with _progress() as report:`
     """A bar on stderr while rays are traced, where stderr is a terminal."""
 
     def __enter__(self) -> Callable[[int, int], None]:
@@ -210,15 +249,35 @@ def _kernel(options: argparse.Namespace) -> int:
 
 
 def _add_reconstruct(commands) -> None:
-    parser = _command(commands, "reconstruct", _reconstruct, "measure a mirror from line-scan images",
-                      "Writes result.h5 and figures into the output folder.")
-    parser.add_argument("images", type=Path, metavar="IMAGES", help="HDF5 file with /images/x, /images/y "
-                        "[lines, rows, columns] and /lines/x_mm, /lines/y_mm, as `irtscots run` writes it")
-    parser.add_argument("--scene", required=True, metavar="SCENE", help="preset name or path of a TOML file; only its "
-                        "design is used, no deviation")
+    parser = _command(
+        commands,
+        "reconstruct",
+        _reconstruct,
+        "measure a mirror from line-scan images",
+        "Writes result.h5 and figures into the output folder.",
+    )
+    parser.add_argument(
+        "images",
+        type=Path,
+        metavar="IMAGES",
+        help="HDF5 file with /images/x, /images/y "
+        "[lines, rows, columns] and /lines/x_mm, /lines/y_mm, as `irtscots run` writes it",
+    )
+    parser.add_argument(
+        "--scene",
+        required=True,
+        metavar="SCENE",
+        help="preset name or path of a TOML file; only its design is used, no deviation",
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME-measured")
-    parser.add_argument("--threshold", type=float, default=0.0, metavar="T", help="least part of a light curve's peak "
-                        "that counts for its centroid, 0 to below 1; default 0, for images without background")
+    parser.add_argument(
+        "--threshold",
+        type=float,
+        default=0.0,
+        metavar="T",
+        help="least part of a light curve's peak "
+        "that counts for its centroid, 0 to below 1; default 0, for images without background",
+    )
 
 
 def _reconstruct(options: argparse.Namespace) -> int:

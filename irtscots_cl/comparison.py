@@ -13,8 +13,8 @@ from irtscots_cl.surface import Surface
 from irtscots_cl.zernike import index_to_nm, nm_to_noll, zernike_fit
 from irtscots_cl.zonal import remove_terms, rms
 
-HEIGHT_TERMS = ("piston", "piston_tilt", "piston_tilt_power")   # what is removed before a height error is stated
-FITTED_NOLL = 45                                                # radial orders up to 8
+HEIGHT_TERMS = ("piston", "piston_tilt", "piston_tilt_power")  # what is removed before a height error is stated
+FITTED_NOLL = 45  # radial orders up to 8
 
 
 @dataclass(frozen=True)
@@ -56,11 +56,16 @@ class Comparison:
     def __str__(self) -> str:
         lines = [f"pixels used               {self.pixels_used}"]
         lines += [f"slope error {axis} [urad rms]  {value}" for axis, value in self.slope_error_urad.items()]
-        lines += [f"height error [nm rms]     {value}   without {terms.replace('_', ', ')}"
-                  for terms, value in self.height_error_nm.items()]
+        lines += [
+            f"height error [nm rms]     {value}   without {terms.replace('_', ', ')}"
+            for terms, value in self.height_error_nm.items()
+        ]
         lines += ["Noll   input [um]  output [um]"]
-        lines += [f"{row.noll:4d}   {row.input_um:10.4f}  {Estimate(row.output_um, row.standard_error_um)}"
-                  for row in self.zernike if row.input_um != 0]
+        lines += [
+            f"{row.noll:4d}   {row.input_um:10.4f}  {Estimate(row.output_um, row.standard_error_um)}"
+            for row in self.zernike
+            if row.input_um != 0
+        ]
         return "\n".join(lines)
 
 
@@ -69,14 +74,23 @@ def compare(result: Reconstruction, scene: Scene) -> Comparison:
     surface, mask = Surface.of(scene.mirror), result.mask
     x, y = result.x_mm, result.y_mm
     truth = dict(zip(("x", "y"), surface.gradient(x, y), strict=True))
-    slopes = {axis: _estimate([rms(s - truth[axis], mask) * 1e6 for s in result.estimates(f"slope_{axis}")])
-              for axis in ("x", "y")}
+    slopes = {
+        axis: _estimate([rms(s - truth[axis], mask) * 1e6 for s in result.estimates(f"slope_{axis}")])
+        for axis in ("x", "y")
+    }
     errors = result.estimates("deviation_mm") - surface.deviation_at(x, y)[0]
-    heights = {terms: _estimate([rms(remove_terms(x, y, e, mask, terms), mask) * 1e6 for e in errors])
-               for terms in HEIGHT_TERMS}
-    return Comparison(result.pixels_used, slopes, heights, rms(result.height_standard_error_mm() * 1e6, mask)
-                      if len(errors) > 2 else float("nan"),
-                      _zernike_rows(result, scene), remove_terms(x, y, errors[0], mask, "piston_tilt"))
+    heights = {
+        terms: _estimate([rms(remove_terms(x, y, e, mask, terms), mask) * 1e6 for e in errors])
+        for terms in HEIGHT_TERMS
+    }
+    return Comparison(
+        result.pixels_used,
+        slopes,
+        heights,
+        rms(result.height_standard_error_mm() * 1e6, mask) if len(errors) > 2 else float("nan"),
+        _zernike_rows(result, scene),
+        remove_terms(x, y, errors[0], mask, "piston_tilt"),
+    )
 
 
 def _estimate(values: list[float]) -> Estimate:
@@ -95,8 +109,13 @@ def _zernike_rows(result: Reconstruction, scene: Scene) -> tuple[ZernikeRow, ...
         return ()
     radius = scene.mirror.zernike[0].radius_mm if scene.mirror.zernike else scene.mirror.diameter_mm / 2
     mask = result.mask
-    fits = np.array([zernike_fit(result.x_mm[mask] / radius, result.y_mm[mask] / radius, deviation[mask] * 1e3, indices)
-                     for deviation in result.estimates("deviation_mm")])
+    fits = np.array(
+        [
+            zernike_fit(result.x_mm[mask] / radius, result.y_mm[mask] / radius, deviation[mask] * 1e3, indices)
+            for deviation in result.estimates("deviation_mm")
+        ]
+    )
     errors = jackknife_error(fits)
-    return tuple(ZernikeRow(noll, given.get(noll, 0.0), float(fits[0, i]), float(errors[i]))
-                 for i, noll in enumerate(indices))
+    return tuple(
+        ZernikeRow(noll, given.get(noll, 0.0), float(fits[0, i]), float(errors[i])) for i, noll in enumerate(indices)
+    )

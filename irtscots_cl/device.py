@@ -22,7 +22,7 @@ class Device:
     """An OpenCL device with its context and queue, made on first use."""
 
     cl_device: cl.Device
-    index: str   # "platform:device", as `select_device` takes it
+    index: str  # "platform:device", as `select_device` takes it
 
     @property
     def name(self) -> str:
@@ -38,7 +38,7 @@ class Device:
 
     @property
     def kind(self) -> str:
-        """"cpu", "gpu" or "other"."""
+        """ "cpu", "gpu" or "other"."""
         kinds = {cl.device_type.CPU: "cpu", cl.device_type.GPU: "gpu"}
         return next((name for bit, name in kinds.items() if self.cl_device.type & bit), "other")
 
@@ -68,8 +68,14 @@ class Device:
 
     def describe(self) -> dict[str, object]:
         """Plain facts for reports."""
-        return {"index": self.index, "name": self.name, "platform": self.platform, "driver": self.driver,
-                "kind": self.kind, "compute_units": self.cl_device.max_compute_units}
+        return {
+            "index": self.index,
+            "name": self.name,
+            "platform": self.platform,
+            "driver": self.driver,
+            "kind": self.kind,
+            "compute_units": self.cl_device.max_compute_units,
+        }
 
     def probe(self) -> dict[str, object]:
         """Run tiny kernels and say what holds: rounding of sqrt and division, fma, 32-bit atomics, fp64.
@@ -90,7 +96,7 @@ def all_devices() -> tuple[Device, ...]:
     for p, platform in enumerate(platforms):
         try:
             found += [Device(device, f"{p}:{d}") for d, device in enumerate(platform.get_devices())]
-        except cl.Error:   # a platform without a device reports an error
+        except cl.Error:  # a platform without a device reports an error
             continue
     return tuple(found)
 
@@ -153,7 +159,9 @@ def _probe(device: Device) -> dict[str, object]:
         root, quotient, _, counter = _run(device, _PROBE, x, 4 * n, 4 * n, 4 * n, 4)
         double = _run(device, _PROBE_FP64, x.astype(float), 8 * n)[0].view(float) if device.has_fp64 else None
     except cl.Error as error:
-        raise DeviceError(f"device {device.index} {device.name}: cannot run a kernel: {str(error).splitlines()[0]}") from None
+        raise DeviceError(
+            f"device {device.index} {device.name}: cannot run a kernel: {str(error).splitlines()[0]}"
+        ) from None
     if counter.view(np.uint32)[0] != n * (n + 1) // 2:
         raise DeviceError(f"device {device.index} {device.name}: 32-bit atomics count wrongly")
     return {
@@ -171,8 +179,10 @@ def _run(device: Device, source: str, x: np.ndarray, *output_bytes: int) -> list
     """Run the source's kernel `probe` on x and on zeroed outputs; the outputs as bytes."""
     flags = cl.mem_flags
     inputs = cl.Buffer(device.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=x)
-    outputs = [cl.Buffer(device.context, flags.READ_WRITE | flags.COPY_HOST_PTR, hostbuf=np.zeros(size, np.uint8))
-               for size in output_bytes]
+    outputs = [
+        cl.Buffer(device.context, flags.READ_WRITE | flags.COPY_HOST_PTR, hostbuf=np.zeros(size, np.uint8))
+        for size in output_bytes
+    ]
     kernel = cl.Kernel(cl.Program(device.context, source).build(), "probe")
     kernel(device.queue, (len(x),), None, inputs, *outputs)
     results = [np.empty(size, np.uint8) for size in output_bytes]

@@ -15,7 +15,7 @@ import numpy as np
 from irtscots_cl.images import ImageStack, Scan, jackknife_error
 from irtscots_cl.reconstruction import Reconstruction
 
-MAX_IMAGE_VALUES = 2**28   # of a scan from a stranger's file: 2 GiB in float64
+MAX_IMAGE_VALUES = 2**28  # of a scan from a stranger's file: 2 GiB in float64
 
 
 @contextmanager
@@ -74,11 +74,16 @@ def write_result(path: Path, stack: ImageStack, result: Reconstruction, attribut
             _write_images(file, f"images/{scan.axis}_standard_error", scan, jackknife_error(jackknife))
             _write(file, f"lines/{scan.axis}_mm", scan.positions_mm, "mm")
         for name, values, unit in (
-            ("mirror/x_mm", result.x_mm, "mm"), ("mirror/y_mm", result.y_mm, "mm"),
-            ("mask", result.mask, "1"), ("flags", result.flags, "1"),
-            ("centroid/x_mm", result.centroid_x_mm, "mm"), ("centroid/y_mm", result.centroid_y_mm, "mm"),
-            ("slope/x_rad", result.slope_x, "rad"), ("slope/y_rad", result.slope_y, "rad"),
-            ("height_mm", result.height_mm, "mm"), ("deviation_nm", result.deviation_mm * 1e6, "nm"),
+            ("mirror/x_mm", result.x_mm, "mm"),
+            ("mirror/y_mm", result.y_mm, "mm"),
+            ("mask", result.mask, "1"),
+            ("flags", result.flags, "1"),
+            ("centroid/x_mm", result.centroid_x_mm, "mm"),
+            ("centroid/y_mm", result.centroid_y_mm, "mm"),
+            ("slope/x_rad", result.slope_x, "rad"),
+            ("slope/y_rad", result.slope_y, "rad"),
+            ("height_mm", result.height_mm, "mm"),
+            ("deviation_nm", result.deviation_mm * 1e6, "nm"),
             ("height_standard_error_nm", result.height_standard_error_mm() * 1e6, "nm"),
         ):
             _write(file, name, values, unit)
@@ -92,8 +97,9 @@ def _write(file: h5py.File, name: str, values: np.ndarray, unit: str) -> None:
 def _write_images(file: h5py.File, name: str, scan: Scan, values: np.ndarray) -> None:
     """Line by line: the whole stack of a large screen never stands in memory."""
     shape = (len(scan.positions_mm), *scan.shape)
-    images = file.create_dataset(name, shape, np.float64, chunks=(1, *scan.shape), compression="gzip",
-                                 compression_opts=1, shuffle=True)
+    images = file.create_dataset(
+        name, shape, np.float64, chunks=(1, *scan.shape), compression="gzip", compression_opts=1, shuffle=True
+    )
     images.attrs["unit"] = "W"
     for line in range(shape[0]):
         images[line] = scan.image(line, values)
@@ -133,5 +139,3 @@ def check_output_folder(folder: Path) -> None:
         raise ValueError(f"--out = {str(folder)!r}: {nearest} is not a folder")
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise ValueError(f"--out = {str(folder)!r}: no permission to write in {nearest}")
-
-

@@ -61,12 +61,16 @@ class Quadric:
         """
         c = 1.0 / radius_mm
         parent = np.diag([c, c, (1.0 + conic) * c])
-        root = np.sqrt(1.0 - (1.0 + conic) * (c * off_axis_mm) ** 2)   # half the gradient's z at the point, negated
+        root = np.sqrt(1.0 - (1.0 + conic) * (c * off_axis_mm) ** 2)  # half the gradient's z at the point, negated
         gradient = np.hypot(c * off_axis_mm, root)
-        sine, cosine = c * off_axis_mm / gradient, root / gradient     # of the normal's tilt towards the axis
+        sine, cosine = c * off_axis_mm / gradient, root / gradient  # of the normal's tilt towards the axis
         x, z = np.array([cosine, 0.0, sine]), np.array([-sine, 0.0, cosine])
-        return cls(float(x @ parent @ x / gradient), float(c / gradient),
-                   float(z @ parent @ z / gradient), float(x @ parent @ z / gradient))
+        return cls(
+            float(x @ parent @ x / gradient),
+            float(c / gradient),
+            float(z @ parent @ z / gradient),
+            float(x @ parent @ z / gradient),
+        )
 
     def meet(self, x0, y0, p, q) -> np.ndarray:
         """Height z where the lines (x0 + p z, y0 + q z, z) meet the surface next to the origin; NaN where they miss."""

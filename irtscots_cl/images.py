@@ -59,7 +59,7 @@ class Scan:
         return jackknife_error(self.jackknife_w())
 
     def image(self, line: int, values: np.ndarray | None = None) -> np.ndarray:
-        """Camera image [rows, columns] under one line, of mean_w() or of other values [n, window] for the same samples."""
+        """Camera image [rows, columns] under one line: of mean_w(), or of other values [n, window]."""
         values = self.mean_w() if values is None else values
         offset = line - self.first_line
         lit = (offset >= 0) & (offset < values.shape[1])
@@ -77,16 +77,27 @@ class Scan:
         images = images[None] if images.ndim == 3 else images
         positions = np.asarray(positions_mm, float)
         if images.ndim != 4 or 0 in images.shape:
-            raise ValueError(f"images of the {axis} scan have shape {np.shape(images_w)}; "
-                             "must be [lines, rows, columns] or [exposures, lines, rows, columns]")
+            raise ValueError(
+                f"images of the {axis} scan have shape {np.shape(images_w)}; "
+                "must be [lines, rows, columns] or [exposures, lines, rows, columns]"
+            )
         if positions.shape != images.shape[1:2]:
-            raise ValueError(f"the {axis} scan has {images.shape[1]} images but line positions of shape {positions.shape}")
+            raise ValueError(
+                f"the {axis} scan has {images.shape[1]} images but line positions of shape {positions.shape}"
+            )
         if not (np.isfinite(images).all() and np.isfinite(positions).all()):
             raise ValueError(f"images or line positions of the {axis} scan hold values that are not finite")
         count = images.shape[2] * images.shape[3]
-        return cls(axis, positions, images.shape[2:], np.arange(count), np.zeros(count, np.int64),
-                   images.reshape(*images.shape[:2], count).transpose(0, 2, 1), np.ones(len(images)),
-                   np.full(count, np.nan))
+        return cls(
+            axis,
+            positions,
+            images.shape[2:],
+            np.arange(count),
+            np.zeros(count, np.int64),
+            images.reshape(*images.shape[:2], count).transpose(0, 2, 1),
+            np.ones(len(images)),
+            np.full(count, np.nan),
+        )
 
 
 @dataclass(frozen=True)

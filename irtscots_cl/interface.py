@@ -11,7 +11,7 @@ from enum import IntEnum
 import numpy as np
 
 PRECISIONS = {"fp32": np.float32, "fp64": np.float64}
-WEIGHT_ONE = 2**24   # fixed-point scale of an adjoint ray's weight: all that a single-precision weight can tell
+WEIGHT_ONE = 2**24  # fixed-point scale of an adjoint ray's weight: all that a single-precision weight can tell
 
 
 class Fate(IntEnum):
@@ -27,12 +27,23 @@ class Fate(IntEnum):
     OFF_WINDOW = 7
 
 
-LAUNCH = np.dtype([
-    ("first_ray", np.uint64), ("ray_count", np.uint64), ("rays_per_item", np.uint64),   # of each stream
-    ("first_stream", np.uint32), ("replicate", np.uint32), ("seed_low", np.uint32), ("seed_high", np.uint32),
-    ("screen_columns", np.int32), ("screen_rows", np.int32), ("detector_pixels", np.int32),
-    ("window_columns", np.int32), ("window_rows", np.int32),
-], align=True)
+LAUNCH = np.dtype(
+    [
+        ("first_ray", np.uint64),
+        ("ray_count", np.uint64),
+        ("rays_per_item", np.uint64),  # of each stream
+        ("first_stream", np.uint32),
+        ("replicate", np.uint32),
+        ("seed_low", np.uint32),
+        ("seed_high", np.uint32),
+        ("screen_columns", np.int32),
+        ("screen_rows", np.int32),
+        ("detector_pixels", np.int32),
+        ("window_columns", np.int32),
+        ("window_rows", np.int32),
+    ],
+    align=True,
+)
 
 
 def emitter_dtype(real) -> np.dtype:
@@ -41,8 +52,9 @@ def emitter_dtype(real) -> np.dtype:
     x, y: its centre in the screen's frame [mm]. The aim is the ellipse in direction cosines, centre + lower triangular
     matrix times the unit disk, that covers the mirror from every point of the pixel.
     """
-    return np.dtype([(name, real) for name in ("x", "y", "centre_l", "centre_m", "aim_ll", "aim_ml", "aim_mm")],
-                    align=True)
+    return np.dtype(
+        [(name, real) for name in ("x", "y", "centre_l", "centre_m", "aim_ll", "aim_ml", "aim_mm")], align=True
+    )
 
 
 def receiver_dtype(real) -> np.dtype:
@@ -52,14 +64,25 @@ def receiver_dtype(real) -> np.dtype:
     pixel's centre; column, row: its window's first screen pixel; pixel: its number row * columns + column, the random
     stream.
     """
-    return np.dtype([("x", real), ("y", real), ("weight_scale", real),
-                     ("column", np.int32), ("row", np.int32), ("pixel", np.uint32)], align=True)
+    return np.dtype(
+        [
+            ("x", real),
+            ("y", real),
+            ("weight_scale", real),
+            ("column", np.int32),
+            ("row", np.int32),
+            ("pixel", np.uint32),
+        ],
+        align=True,
+    )
 
 
 def frame_dtype(real) -> np.dtype:
     """A device's frame: position and axes in world coordinates; offset = -axes . position, taken in float64."""
-    return np.dtype([("position", real, 3), ("axis_x", real, 3), ("axis_y", real, 3), ("axis_z", real, 3),
-                     ("offset", real, 3)], align=True)
+    return np.dtype(
+        [("position", real, 3), ("axis_x", real, 3), ("axis_y", real, 3), ("axis_z", real, 3), ("offset", real, 3)],
+        align=True,
+    )
 
 
 def mirror_dtype(real, deviated: bool, annular: bool) -> np.dtype:
@@ -78,23 +101,50 @@ def zernike_term_dtype(real) -> np.dtype:
 
 def zernike_dtype(real, series: int, terms: int) -> np.dtype:
     """The deviation as a zernike.RadialSeries of `series` azimuthal orders and `terms` radial terms in all."""
-    return np.dtype([("inverse_radius", real), ("term", zernike_term_dtype(real), terms),
-                     ("order", np.int32, series), ("count", np.int32, series), ("series_count", np.int32)], align=True)
+    return np.dtype(
+        [
+            ("inverse_radius", real),
+            ("term", zernike_term_dtype(real), terms),
+            ("order", np.int32, series),
+            ("count", np.int32, series),
+            ("series_count", np.int32),
+        ],
+        align=True,
+    )
 
 
 def scene_dtype(real, mirror: np.dtype, zernike: np.dtype | None) -> np.dtype:
     """Everything about the scene that is the same for all rays."""
-    names = ("screen_pitch", "inverse_screen_pitch", "screen_left", "screen_top", "aperture_radius", "aperture_radius2",
-             "inverse_focal_length", "inverse_focus", "image_distance", "inverse_image_distance",
-             "detector_pitch", "inverse_detector_pitch")
-    return np.dtype([("mirror", mirror), ("screen", frame_dtype(real)), ("camera", frame_dtype(real))]
-                    + [(name, real) for name in names]
-                    + [("detector_columns", np.int32), ("detector_rows", np.int32)]
-                    + ([("zernike", zernike)] if zernike is not None else []), align=True)
+    names = (
+        "screen_pitch",
+        "inverse_screen_pitch",
+        "screen_left",
+        "screen_top",
+        "aperture_radius",
+        "aperture_radius2",
+        "inverse_focal_length",
+        "inverse_focus",
+        "image_distance",
+        "inverse_image_distance",
+        "detector_pitch",
+        "inverse_detector_pitch",
+    )
+    return np.dtype(
+        [("mirror", mirror), ("screen", frame_dtype(real)), ("camera", frame_dtype(real))]
+        + [(name, real) for name in names]
+        + [("detector_columns", np.int32), ("detector_rows", np.int32)]
+        + ([("zernike", zernike)] if zernike is not None else []),
+        align=True,
+    )
 
 
-_C_NAMES = {np.dtype(np.float32): "float", np.dtype(np.float64): "double", np.dtype(np.int32): "int",
-            np.dtype(np.uint32): "uint", np.dtype(np.uint64): "ulong"}
+_C_NAMES = {
+    np.dtype(np.float32): "float",
+    np.dtype(np.float64): "double",
+    np.dtype(np.int32): "int",
+    np.dtype(np.uint32): "uint",
+    np.dtype(np.uint64): "ulong",
+}
 
 
 def c_declarations(structs: dict[str, np.dtype]) -> str:

@@ -8,16 +8,15 @@ import numpy as np
 
 from irtscots_cl.images import Scan
 
-
-EDGE_TOLERANCE = 0.05   # lines: the light that is lost there shifts the centroid by about 0.8 um, 0.1 urad
+EDGE_TOLERANCE = 0.05  # lines: the light that is lost there shifts the centroid by about 0.8 um, 0.1 urad
 
 
 class Flag(IntEnum):
     """Why a light curve is not used."""
 
     GOOD = 0
-    EMPTY = 1     # no light at all
-    CLIPPED = 2   # reaches past the screen's first or last line: its centroid would be wrong
+    EMPTY = 1  # no light at all
+    CLIPPED = 2  # reaches past the screen's first or last line: its centroid would be wrong
 
 
 def effective_screen_pixels(curves_w: np.ndarray, threshold: float = 0.0) -> np.ndarray:

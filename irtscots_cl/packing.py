@@ -9,15 +9,23 @@ import numpy as np
 from irtscots_cl.calibration import Calibration
 from irtscots_cl.geometry import Frame
 from irtscots_cl.interface import (
-    LAUNCH, PRECISIONS, WEIGHT_ONE, emitter_dtype, frame_dtype, mirror_dtype, receiver_dtype, scene_dtype,
-    zernike_dtype, zernike_term_dtype,
+    LAUNCH,
+    PRECISIONS,
+    WEIGHT_ONE,
+    emitter_dtype,
+    frame_dtype,
+    mirror_dtype,
+    receiver_dtype,
+    scene_dtype,
+    zernike_dtype,
+    zernike_term_dtype,
 )
 from irtscots_cl.surface import Surface
 from irtscots_cl.zernike import RadialSeries
 
-RIM_POINTS = 32          # of the mirror, to fit the aim's ellipse
-AIM_MARGIN = 1e-4        # of the ellipse's axes, for what is not an ellipse between the rim points
-LARGE_DEVIATION_MM = 5e-3   # beyond it one Newton step leaves more than 1e-9 of slope (fp32's own rounding is 1e-8)
+RIM_POINTS = 32  # of the mirror, to fit the aim's ellipse
+AIM_MARGIN = 1e-4  # of the ellipse's axes, for what is not an ellipse between the rim points
+LARGE_DEVIATION_MM = 5e-3  # beyond it one Newton step leaves more than 1e-9 of slope (fp32's own rounding is 1e-8)
 
 
 @dataclass(frozen=True)
@@ -26,7 +34,7 @@ class Packed:
 
     choices: dict[str, str]
     structs: dict[str, np.dtype]
-    scene: np.ndarray   # [1]
+    scene: np.ndarray  # [1]
 
 
 def pack(calibration: Calibration, precision: str) -> Packed:
@@ -35,8 +43,13 @@ def pack(calibration: Calibration, precision: str) -> Packed:
     deviation = surface.deviation
     annular = surface.obscuration_radius_mm > 0
     mirror = mirror_dtype(real, deviation is not None, annular)
-    structs = {"Launch": LAUNCH, "Emitter": emitter_dtype(real), "Receiver": receiver_dtype(real),
-               "Frame": frame_dtype(real), "Mirror": mirror}
+    structs = {
+        "Launch": LAUNCH,
+        "Emitter": emitter_dtype(real),
+        "Receiver": receiver_dtype(real),
+        "Frame": frame_dtype(real),
+        "Mirror": mirror,
+    }
     zernike = None
     if deviation is not None:
         zernike = zernike_dtype(real, len(deviation.m), len(deviation.cosine))
@@ -49,15 +62,17 @@ def pack(calibration: Calibration, precision: str) -> Packed:
     _fill_devices(scene, calibration)
     if deviation is not None:
         _fill_zernike(scene["zernike"], deviation, surface.deviation_radius_mm)
-    choices = {"surface": _surface_file(calibration.scene.mirror),
-               "mirror": "deviated" if deviation is not None else "nominal",
-               "aperture": "annulus" if annular else "disk"}
+    choices = {
+        "surface": _surface_file(calibration.scene.mirror),
+        "mirror": "deviated" if deviation is not None else "nominal",
+        "aperture": "annulus" if annular else "disk",
+    }
     return Packed(choices, structs, scene)
 
 
 def _surface_file(mirror) -> str:
     if mirror.conic == 0:
-        return "sphere"   # also off axis: every point of a sphere is a vertex
+        return "sphere"  # also off axis: every point of a sphere is a vertex
     return "off_axis" if mirror.off_axis_mm != 0 else "conic"
 
 
@@ -83,13 +98,20 @@ def _fill_devices(out: np.ndarray, calibration: Calibration) -> None:
     screen, camera = calibration.scene.screen, calibration.scene.camera
     edge = np.array(screen.pixels) / 2 - np.array(screen.centre_offset_mm) / screen.pitch_mm
     values = {
-        "screen_pitch": screen.pitch_mm, "inverse_screen_pitch": 1 / screen.pitch_mm,
-        "screen_left": edge[0], "screen_top": edge[1],
-        "aperture_radius": camera.aperture_diameter_mm / 2, "aperture_radius2": (camera.aperture_diameter_mm / 2) ** 2,
-        "inverse_focal_length": 1 / camera.focal_length_mm, "inverse_focus": 1 / camera.focus_mm,
-        "image_distance": camera.image_distance_mm, "inverse_image_distance": 1 / camera.image_distance_mm,
-        "detector_pitch": camera.detector.pitch_mm, "inverse_detector_pitch": 1 / camera.detector.pitch_mm,
-        "detector_columns": camera.detector.pixels[0], "detector_rows": camera.detector.pixels[1],
+        "screen_pitch": screen.pitch_mm,
+        "inverse_screen_pitch": 1 / screen.pitch_mm,
+        "screen_left": edge[0],
+        "screen_top": edge[1],
+        "aperture_radius": camera.aperture_diameter_mm / 2,
+        "aperture_radius2": (camera.aperture_diameter_mm / 2) ** 2,
+        "inverse_focal_length": 1 / camera.focal_length_mm,
+        "inverse_focus": 1 / camera.focus_mm,
+        "image_distance": camera.image_distance_mm,
+        "inverse_image_distance": 1 / camera.image_distance_mm,
+        "detector_pitch": camera.detector.pitch_mm,
+        "inverse_detector_pitch": 1 / camera.detector.pitch_mm,
+        "detector_columns": camera.detector.pixels[0],
+        "detector_rows": camera.detector.pixels[1],
     }
     for name, value in values.items():
         out[name] = value
@@ -139,7 +161,7 @@ def emitters(calibration: Calibration, precision: str, overfill: float) -> tuple
     rim_x, rim_y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
     rim = np.stack([rim_x, rim_y, surface.sag(rim_x, rim_y)], -1)
     area = np.empty(len(out))
-    for part in np.array_split(np.arange(len(out)), len(out) // 4096 + 1):   # bounds the memory of large screens
+    for part in np.array_split(np.arange(len(out)), len(out) // 4096 + 1):  # bounds the memory of large screens
         centre, root = _aim(frame, rim, x[part], y[part], screen.pitch_mm)
         root = root * np.sqrt(overfill)
         out["centre_l"][part], out["centre_m"][part] = centre.T
@@ -149,7 +171,7 @@ def emitters(calibration: Calibration, precision: str, overfill: float) -> tuple
 
 
 def _aim(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch: float) -> tuple[np.ndarray, np.ndarray]:
-    """Covering ellipses for screen pixels at (x, y) [n]: centres [n, 2], lower triangular half-axis matrices [n, 2, 2]."""
+    """Covering ellipses for screen pixels at (x, y) [n]: centres [n, 2], lower triangular half-axes [n, 2, 2]."""
     rays = rim - frame.to_world(x, y)[:, None, :]
     distance = np.linalg.norm(rays, axis=-1, keepdims=True)
     cosines = (rays / distance) @ frame.axes[:2].T
@@ -159,5 +181,5 @@ def _aim(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch: flo
     root = np.linalg.cholesky(2 * np.einsum("nki,nkj->nij", spread, spread) / rim.shape[0])
     reach = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
     shortest = np.linalg.svd(root, compute_uv=False)[:, -1]
-    pixel = pitch * np.sqrt(0.5) / distance.min((1, 2))   # half a pixel's diagonal, as an angle
+    pixel = pitch * np.sqrt(0.5) / distance.min((1, 2))  # half a pixel's diagonal, as an angle
     return centre, root * (reach * (1 + AIM_MARGIN) + pixel / shortest)[:, None, None]

@@ -40,8 +40,10 @@ class LineScan:
     def images(self, transport: Transport) -> ImageStack:
         """The image stack of both scans. Raises ValueError for a transport of another screen."""
         if transport.scene.screen.pixels != self.scene.screen.pixels:
-            raise ValueError(f"the pattern's screen has {self.scene.screen.pixels} pixels, "
-                             f"the transport's {transport.scene.screen.pixels}")
+            raise ValueError(
+                f"the pattern's screen has {self.scene.screen.pixels} pixels, "
+                f"the transport's {transport.scene.screen.pixels}"
+            )
         flux = np.stack([transport.flux_w(r) for r in range(transport.replicates)])
         if self.brightness is not None:
             flux *= transport.gather(np.asarray(self.brightness))
@@ -50,6 +52,13 @@ class LineScan:
 
     def _scan(self, axis: str, flux_w: np.ndarray, transport: Transport) -> Scan:
         columns, rows = self.scene.camera.detector.pixels
-        return Scan(axis, self.positions_mm(axis), (rows, columns), transport.pixels,
-                    transport.origins[:, "xy".index(axis)].astype(np.int64), flux_w,
-                    transport.rays.astype(float), transport.hits())
+        return Scan(
+            axis,
+            self.positions_mm(axis),
+            (rows, columns),
+            transport.pixels,
+            transport.origins[:, "xy".index(axis)].astype(np.int64),
+            flux_w,
+            transport.rays.astype(float),
+            transport.hits(),
+        )

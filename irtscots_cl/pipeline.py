@@ -32,12 +32,13 @@ class Run:
     report: dict
 
 
-def simulate(scene: Scene, *, device: Device | None = None, progress: Callable[[int, int], None] | None = None,
-             **trace_options) -> Run:
+def simulate(
+    scene: Scene, *, device: Device | None = None, progress: Callable[[int, int], None] | None = None, **trace_options
+) -> Run:
     """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
 
-    trace_options: estimator, sampler, precision, rays_per_pixel, replicates, seed, overfill of `trace`. Raises as `trace`
-    and `reconstruct` do.
+    trace_options: estimator, sampler, precision, rays_per_pixel, replicates, seed, overfill of `trace`. Raises as
+    `trace` and `reconstruct` do.
     """
     started = time.perf_counter()
     transport = trace(scene, device=device, progress=progress, **trace_options)
@@ -56,13 +57,20 @@ def write_run(run: Run, folder: Path) -> None:
     report.json comes last: where it is, the others are complete.
     """
     check_output_folder(folder)
-    from irtscots_cl.plots import write_figures   # matplotlib is slow to import: only where figures are made
+    from irtscots_cl.plots import write_figures  # matplotlib is slow to import: only where figures are made
 
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     report, toml = run.report, run.transport.scene.to_toml()
-    attributes = {"scene": toml, "seed": str(report["seed"]), "device": report["device"]["name"],
-                  "driver": report["device"]["driver"], "estimator": report["estimator"],
-                  "sampler": report["sampler"], "precision": report["precision"], "ledger_unit": "rays"}
+    attributes = {
+        "scene": toml,
+        "seed": str(report["seed"]),
+        "device": report["device"]["name"],
+        "driver": report["device"]["driver"],
+        "estimator": report["estimator"],
+        "sampler": report["sampler"],
+        "precision": report["precision"],
+        "ledger_unit": "rays",
+    }
     attributes |= {f"version {name}": value for name, value in versions().items()}
     write_result(folder / "result.h5", run.stack, run.result, attributes)
     figures = write_figures(folder / "figures", run.stack, run.result, run.comparison)

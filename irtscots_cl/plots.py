@@ -20,8 +20,12 @@ def write_figures(folder: Path, stack: ImageStack, result: Reconstruction, compa
 
     comparison: of a simulation, whose truth is known; None for images from a lab.
     """
-    figures = {"images.png": image_figure(stack), "light_curve.png": light_curve_figure(stack, result),
-               "slopes.png": slope_figure(result), "height.png": height_figure(result, comparison)}
+    figures = {
+        "images.png": image_figure(stack),
+        "light_curve.png": light_curve_figure(stack, result),
+        "slopes.png": slope_figure(result),
+        "height.png": height_figure(result, comparison),
+    }
     for name, figure in figures.items():
         with replacing(folder / name) as temporary:
             figure.savefig(temporary, dpi=120)
@@ -35,22 +39,26 @@ def image_figure(stack: ImageStack) -> Figure:
         count = len(scan.positions_mm)
         for axes, line in zip(row, (count // 3, count // 2), strict=True):
             picture = axes.imshow(scan.image(line), origin="lower", cmap="inferno")
-            axes.set(title=f"{scan.axis} scan, line {line + 1} of {count} at {scan.positions_mm[line]:.2f} mm",
-                     xlabel="detector column", ylabel="detector row")
+            axes.set(
+                title=f"{scan.axis} scan, line {line + 1} of {count} at {scan.positions_mm[line]:.2f} mm",
+                xlabel="detector column",
+                ylabel="detector row",
+            )
             figure.colorbar(picture, ax=axes, label="flux [W]")
     return figure
 
 
 def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
-    """Light curves of the used pixel nearest to the detector's centre, with their centroids and the aperture's chord."""
+    """Light curves of the used pixel nearest to the detector's centre, with centroids and the aperture's chord."""
     rows, columns = np.nonzero(result.mask)
     shape = result.mask.shape
     middle = np.argmin((rows - (shape[0] - 1) / 2) ** 2 + (columns - (shape[1] - 1) / 2) ** 2)
     row, column = rows[middle], columns[middle]
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     diameter = result.nominal.camera.aperture_diameter_mm
-    for axes, scan, centroid in zip(figure.subplots(1, 2), (stack.x, stack.y),
-                                    (result.centroid_x_mm, result.centroid_y_mm), strict=True):
+    for axes, scan, centroid in zip(
+        figure.subplots(1, 2), (stack.x, stack.y), (result.centroid_x_mm, result.centroid_y_mm), strict=True
+    ):
         n = np.flatnonzero(scan.pixels == row * shape[1] + column)[0]
         curve, error = scan.mean_w()[n], scan.standard_error_w()[n]
         inside = scan.lines[n] < len(scan.positions_mm)
@@ -59,12 +67,17 @@ def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
         axes.errorbar(position, curve[inside], error[inside], fmt="o", capsize=3, label="images")
         line = np.linspace(centre - 0.8 * diameter, centre + 0.8 * diameter, 400)
         pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else diameter
-        chord = (chord_cdf((line - centre + pitch / 2) / (diameter / 2))
-                 - chord_cdf((line - centre - pitch / 2) / (diameter / 2)))
+        chord = chord_cdf((line - centre + pitch / 2) / (diameter / 2)) - chord_cdf(
+            (line - centre - pitch / 2) / (diameter / 2)
+        )
         axes.plot(line, chord * curve.sum(), "k:", label="Eq. (2), unit magnification")
         axes.axvline(centre, color="tab:red", lw=1, label=f"centroid {centre:.4f} mm")
-        axes.set(title=f"{scan.axis} scan, pixel [{row}, {column}]", xlabel=f"line {scan.axis} on the screen [mm]",
-                 ylabel="flux [W]", xlim=(line[0], line[-1]))
+        axes.set(
+            title=f"{scan.axis} scan, pixel [{row}, {column}]",
+            xlabel=f"line {scan.axis} on the screen [mm]",
+            ylabel="flux [W]",
+            xlim=(line[0], line[-1]),
+        )
         axes.legend(fontsize=8)
     return figure
 
@@ -94,11 +107,11 @@ def _map(figure: Figure, axes, result: Reconstruction, values: np.ndarray, title
     """One map on the detector's grid, labelled with the mirror coordinates that its rows and columns see."""
     limits = {}
     if colours == "RdBu_r":
-        largest = np.nanpercentile(np.abs(values), 99.5)   # single noisy rim pixels do not set the scale
+        largest = np.nanpercentile(np.abs(values), 99.5)  # single noisy rim pixels do not set the scale
         limits = {"vmin": -largest, "vmax": largest}
     extent = (np.nanmin(result.x_mm), np.nanmax(result.x_mm), np.nanmin(result.y_mm), np.nanmax(result.y_mm))
     used_rows, used_columns = np.nonzero(result.mask)
-    cut = values[used_rows.min():used_rows.max() + 1, used_columns.min():used_columns.max() + 1]
+    cut = values[used_rows.min() : used_rows.max() + 1, used_columns.min() : used_columns.max() + 1]
     picture = axes.imshow(cut, origin="lower", extent=extent, cmap=colours, **limits)
     axes.set(title=title, xlabel="mirror x [mm]", ylabel="mirror y [mm]")
     figure.colorbar(picture, ax=axes, label=unit)

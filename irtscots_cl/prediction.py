@@ -17,8 +17,8 @@ from irtscots_cl.reconstruction import Reconstruction
 from irtscots_cl.slopes import half_vector_slopes
 from irtscots_cl.zonal import integrate_slopes, remove_terms, rms
 
-NOISE_DRAWS = 32   # maps of random slopes behind the predicted height noise: its own error is a few percent
-PIXEL_NODES = 4    # Gauss-Legendre nodes per axis over a detector pixel
+NOISE_DRAWS = 32  # maps of random slopes behind the predicted height noise: its own error is a few percent
+PIXEL_NODES = 4  # Gauss-Legendre nodes per axis over a detector pixel
 
 
 @dataclass(frozen=True)
@@ -54,20 +54,25 @@ def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
         centroid = (result.centroid_x_mm, result.centroid_y_mm)[k]
         bias.append(line_sampling_error(calibration, scan.positions_mm, centroid, mask, k) * scale[k])
     known = np.isfinite(noise[0]) & np.isfinite(noise[1])
-    noise = [np.where(known, part, 0.0) for part in noise]   # lab images: no ray noise to predict
+    noise = [np.where(known, part, 0.0) for part in noise]  # lab images: no ray noise to predict
     random = np.random.default_rng(0)
     draws = [part * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
     heights = _heights(result, draws[0], draws[1])
     return PredictedError(
-        (rms(noise[0], mask), rms(noise[1], mask)), (rms(bias[0], mask), rms(bias[1], mask)),
-        float(np.sqrt(np.mean([rms(h, mask) ** 2 for h in heights]))), rms(_heights(result, *bias)[0], mask))
+        (rms(noise[0], mask), rms(noise[1], mask)),
+        (rms(bias[0], mask), rms(bias[1], mask)),
+        float(np.sqrt(np.mean([rms(h, mask) ** 2 for h in heights]))),
+        rms(_heights(result, *bias)[0], mask),
+    )
 
 
 def _heights(result: Reconstruction, slope_x: np.ndarray, slope_y: np.ndarray) -> list[np.ndarray]:
     """Heights of slope maps [..., rows, columns], piston and tilt removed, as a list of maps."""
     heights = integrate_slopes(result.x_mm, result.y_mm, slope_x, slope_y, result.mask, result.method)
-    return [remove_terms(result.x_mm, result.y_mm, h, result.mask, "piston_tilt")
-            for h in heights.reshape(-1, *result.mask.shape)]
+    return [
+        remove_terms(result.x_mm, result.y_mm, h, result.mask, "piston_tilt")
+        for h in heights.reshape(-1, *result.mask.shape)
+    ]
 
 
 def _slope_per_mm(calibration: Calibration, result: Reconstruction, step_mm: float = 1e-3) -> list[np.ndarray]:
@@ -80,8 +85,9 @@ def _slope_per_mm(calibration: Calibration, result: Reconstruction, step_mm: flo
     return [np.abs(x[0] - centre[0]) / step_mm, np.abs(y[1] - centre[1]) / step_mm]
 
 
-def line_sampling_error(calibration: Calibration, positions_mm: np.ndarray, centroid_mm: np.ndarray, mask: np.ndarray,
-                        k: int) -> np.ndarray:
+def line_sampling_error(
+    calibration: Calibration, positions_mm: np.ndarray, centroid_mm: np.ndarray, mask: np.ndarray, k: int
+) -> np.ndarray:
     """Centroid of a noise-free light curve sampled at the lines, less its true centre: [rows, columns] mm.
 
     k: 0 for the x scan, 1 for the y scan. The light on the screen is the aperture's image (an ellipse under the pixel's
@@ -92,7 +98,7 @@ def line_sampling_error(calibration: Calibration, positions_mm: np.ndarray, cent
     pitch = positions_mm[1] - positions_mm[0] if len(positions_mm) > 1 else calibration.scene.screen.pitch_mm
     reach = int(np.ceil(np.max(half_width + (box_row + box_column) / 2) / pitch)) + 1
     nearest = np.rint((centre - positions_mm[0]) / pitch)
-    lines = positions_mm[0] + pitch * (nearest[:, None] + np.arange(-reach, reach + 1))   # [n, lines]
+    lines = positions_mm[0] + pitch * (nearest[:, None] + np.arange(-reach, reach + 1))  # [n, lines]
     node, weight = np.polynomial.legendre.leggauss(PIXEL_NODES)
     flux = np.zeros(lines.shape)
     for a, weight_a in zip(node / 2, weight / 2, strict=True):
@@ -106,6 +112,6 @@ def line_sampling_error(calibration: Calibration, positions_mm: np.ndarray, cent
 
 
 def chord_cdf(t: np.ndarray) -> np.ndarray:
-    """Share of a unit disk's area at x < t: F of paper Eq. 2, (t sqrt(1 - t^2) + asin t) / pi + 1/2, t cut to [-1, 1]."""
+    """Share of a unit disk's area at x < t: paper Eq. 2, (t sqrt(1 - t^2) + asin t) / pi + 1/2, t cut to [-1, 1]."""
     t = np.clip(t, -1.0, 1.0)
     return 0.5 + (t * np.sqrt(1.0 - t * t) + np.arcsin(t)) / np.pi

@@ -6,7 +6,8 @@ import os
 from importlib import resources
 from typing import Any
 
-from irtscots_cl.scene import Scene, nearest, problem
+from irtscots_cl.checked import nearest, problem
+from irtscots_cl.scene import Scene
 
 MAX_FILE_BYTES = 2**20
 

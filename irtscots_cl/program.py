@@ -39,15 +39,19 @@ class Source:
     files: tuple[str, ...]
 
 
-def compose(entry: str | Path, choices: dict[str, str], structs: dict[str, np.dtype], precision: str, width: int) -> Source:
+def compose(
+    entry: str | Path, choices: dict[str, str], structs: dict[str, np.dtype], precision: str, width: int
+) -> Source:
     """Source of the kernel file `entry` with everything that it includes.
 
     entry: a name in the kernels folder, or the path of a file elsewhere that includes files from there.
     choices: family -> member, e.g. {"surface": "sphere"}; structs: as interface.c_declarations takes them.
     width: rays side by side in a work-item, 1, 4, 8 or 16.
     """
-    choices = choices | {"real": "float" if precision == "fp32" else "double",
-                         "simd": "vector" if width > 1 else "scalar"}
+    choices = choices | {
+        "real": "float" if precision == "fp32" else "double",
+        "simd": "vector" if width > 1 else "scalar",
+    }
     folder = kernels_folder()
     files: list[str] = []
     pieces = _expand(folder, entry, choices, files)
@@ -66,7 +70,7 @@ def _expand(folder: Path, entry: str | Path, choices: dict[str, str], files: lis
     name = Path(entry).name
     if name in files:
         return []
-    lines = _lines(folder / entry)   # an absolute path stands for itself
+    lines = _lines(folder / entry)  # an absolute path stands for itself
     pieces, here = [], f'#line 1 "{name}"\n'
     for number, line in enumerate(lines, 1):
         match = _INCLUDE.match(line)
@@ -103,7 +107,9 @@ def build(device: Device, source: Source) -> cl.Program:
             program = cl.Program(device.context, source.text).build(options=list(source.options), cache_dir=False)
         except cl.Error as error:
             log = next((line for line in str(error).splitlines() if "error" in line.lower()), str(error))
-            raise DeviceError(f"device {device.index} {device.name}: kernels do not build: {log.strip()[:300]}") from error
+            raise DeviceError(
+                f"device {device.index} {device.name}: kernels do not build: {log.strip()[:300]}"
+            ) from error
         _built[key] = program
     return _built[key]
 

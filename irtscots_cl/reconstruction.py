@@ -14,7 +14,7 @@ from irtscots_cl.scene import Scene
 from irtscots_cl.slopes import half_vector_slopes
 from irtscots_cl.zonal import integrate_slopes, remove_terms
 
-HEIGHT_ROUNDS = 2   # slopes, height, slopes, height: a third round changes less than 1e-3 nm on a deviation of 1 um
+HEIGHT_ROUNDS = 2  # slopes, height, slopes, height: a third round changes less than 1e-3 nm on a deviation of 1 um
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Reconstruction:
         return int(self.mask.sum())
 
     def estimates(self, name: str) -> np.ndarray:
-        """[1 + replicates, rows, columns] of "slope_x", "slope_y" or "deviation_mm": the result, then the jackknife's."""
+        """ "slope_x", "slope_y" or "deviation_mm" [1 + replicates, rows, columns]: the result, then the jackknife's."""
         return np.concatenate([getattr(self, name)[None], getattr(self, f"jackknife_{name}")])
 
     def height_standard_error_mm(self) -> np.ndarray:
@@ -58,8 +58,9 @@ class Reconstruction:
         return jackknife_error(np.stack(removed))
 
 
-def reconstruct(stack: ImageStack, nominal: Scene, *, method: str = "southwell", min_coverage: float = 0.5,
-                threshold: float = 0.0) -> Reconstruction:
+def reconstruct(
+    stack: ImageStack, nominal: Scene, *, method: str = "southwell", min_coverage: float = 0.5, threshold: float = 0.0
+) -> Reconstruction:
     """Measure the surface from line-scan images, knowing the design scene alone.
 
     nominal: the scene without deviation (scene.nominal()). method: of zonal.integrate_slopes. min_coverage: least part
@@ -69,12 +70,15 @@ def reconstruct(stack: ImageStack, nominal: Scene, *, method: str = "southwell",
     """
     calibration = Calibration(nominal)
     if stack.x.shape != calibration.shape or stack.y.shape != calibration.shape:
-        raise ValueError(f"images of {stack.x.shape} and {stack.y.shape} pixels do not fit the scene's detector "
-                         f"of {calibration.shape} (rows, columns)")
+        raise ValueError(
+            f"images of {stack.x.shape} and {stack.y.shape} pixels do not fit the scene's detector "
+            f"of {calibration.shape} (rows, columns)"
+        )
     for scan, lines in zip((stack.x, stack.y), nominal.screen.pixels, strict=True):
         if len(scan.positions_mm) != lines:
-            raise ValueError(f"{len(scan.positions_mm)} images in the {scan.axis} scan, "
-                             f"but the scene's screen has {lines} lines")
+            raise ValueError(
+                f"{len(scan.positions_mm)} images in the {scan.axis} scan, but the scene's screen has {lines} lines"
+            )
     centroid_x, flag_x = _measured(calibration, stack.x, threshold)
     centroid_y, flag_y = _measured(calibration, stack.y, threshold)
     flags = np.maximum(flag_x, flag_y)
@@ -82,14 +86,30 @@ def reconstruct(stack: ImageStack, nominal: Scene, *, method: str = "southwell",
     mask = (footprint.coverage >= min_coverage) & (flags == Flag.GOOD)
     mask &= np.isfinite(centroid_x + centroid_y).all(0)
     if not mask.any():
-        raise ValueError("no detector pixel has a usable light curve in both scans: the images are dark, clipped by "
-                         "the screen's edge, or do not belong to this scene")
+        raise ValueError(
+            "no detector pixel has a usable light curve in both scans: the images are dark, clipped by "
+            "the screen's edge, or do not belong to this scene"
+        )
     x_mm, y_mm = (np.where(mask, v, np.nan) for v in (footprint.x_mm, footprint.y_mm))
     slope_x, slope_y, deviation = _surface(calibration, x_mm, y_mm, mask, centroid_x, centroid_y, method)
     design = calibration.surface.sag(x_mm, y_mm)
-    return Reconstruction(nominal, method, x_mm, y_mm, mask, flags, np.where(mask, centroid_x[0], np.nan),
-                          np.where(mask, centroid_y[0], np.nan), slope_x[0], slope_y[0], design + deviation[0],
-                          deviation[0], slope_x[1:], slope_y[1:], deviation[1:])
+    return Reconstruction(
+        nominal,
+        method,
+        x_mm,
+        y_mm,
+        mask,
+        flags,
+        np.where(mask, centroid_x[0], np.nan),
+        np.where(mask, centroid_y[0], np.nan),
+        slope_x[0],
+        slope_y[0],
+        design + deviation[0],
+        deviation[0],
+        slope_x[1:],
+        slope_y[1:],
+        deviation[1:],
+    )
 
 
 def _measured(calibration: Calibration, scan: Scan, threshold: float) -> tuple[np.ndarray, np.ndarray]:

@@ -32,24 +32,38 @@ def versions() -> dict[str, str]:
     for name in ("irtscots-cl", "pyopencl", "numpy", "scipy"):
         try:
             found[name] = version(name)
-        except PackageNotFoundError:   # a source tree that was never installed
+        except PackageNotFoundError:  # a source tree that was never installed
             found[name] = "unknown"
     return found
 
 
-def build_report(transport: Transport, result: Reconstruction, comparison: Comparison, predicted: PredictedError,
-                 seconds: dict[str, float]) -> dict:
+def build_report(
+    transport: Transport,
+    result: Reconstruction,
+    comparison: Comparison,
+    predicted: PredictedError,
+    seconds: dict[str, float],
+) -> dict:
     """The contents of report.json. seconds: build, trace, reconstruct, total."""
     height = {key: estimate.value for key, estimate in comparison.height_error_nm.items()}
     flags = {flag.name.lower(): int(np.sum(result.flags == flag)) for flag in Flag if flag != Flag.GOOD}
     return {
-        "scene": transport.scene.name, "device": transport.device, "estimator": transport.estimator,
-        "sampler": transport.sampler, "precision": transport.precision, "seed": transport.seed,
-        "overfill": transport.overfill, "replicates": transport.replicates, "versions": versions(),
-        "rays_total": transport.rays_total, "rays_per_pixel": int(transport.rays.sum()),
+        "scene": transport.scene.name,
+        "device": transport.device,
+        "estimator": transport.estimator,
+        "sampler": transport.sampler,
+        "precision": transport.precision,
+        "seed": transport.seed,
+        "overfill": transport.overfill,
+        "replicates": transport.replicates,
+        "versions": versions(),
+        "rays_total": transport.rays_total,
+        "rays_per_pixel": int(transport.rays.sum()),
         "rays_per_second": transport.rays_total / seconds["trace"],
-        "seconds": seconds, "ledger": transport.ledger,
-        "pixels_used": comparison.pixels_used, "light_curves_refused": flags,
+        "seconds": seconds,
+        "ledger": transport.ledger,
+        "pixels_used": comparison.pixels_used,
+        "light_curves_refused": flags,
         "slope_error_urad_rms": {axis: e.value for axis, e in comparison.slope_error_urad.items()},
         "slope_error_urad_rms_standard_error": {a: e.standard_error for a, e in comparison.slope_error_urad.items()},
         "height_error_nm_rms": height,
@@ -63,8 +77,15 @@ def build_report(transport: Transport, result: Reconstruction, comparison: Compa
             "height_ray_noise_nm_rms": predicted.ray_noise_height_mm * 1e6,
             "height_line_sampling_nm_rms": predicted.line_sampling_height_mm * 1e6,
         },
-        "zernike": [{"noll": row.noll, "input_um": row.input_um, "output_um": row.output_um,
-                     "standard_error_um": row.standard_error_um} for row in comparison.zernike],
+        "zernike": [
+            {
+                "noll": row.noll,
+                "input_um": row.input_um,
+                "output_um": row.output_um,
+                "standard_error_um": row.standard_error_um,
+            }
+            for row in comparison.zernike
+        ],
     }
 
 
@@ -77,37 +98,65 @@ def summary_tables(report: dict) -> list[Table]:
     tables = [_run_table(report), _error_table(report)]
     rows = [row for row in report["zernike"] if row["input_um"] != 0]
     if rows:
-        tables.append(Table("Zernike coefficients (Noll)", ("term", "in [um]", "out [um]", "difference [nm]"), [
-            (str(row["noll"]), f"{row['input_um']:.4f}",
-             str(Estimate(row["output_um"], row["standard_error_um"])),
-             f"{(row['output_um'] - row['input_um']) * 1e3:+.2f}") for row in rows]))
+        tables.append(
+            Table(
+                "Zernike coefficients (Noll)",
+                ("term", "in [um]", "out [um]", "difference [nm]"),
+                [
+                    (
+                        str(row["noll"]),
+                        f"{row['input_um']:.4f}",
+                        str(Estimate(row["output_um"], row["standard_error_um"])),
+                        f"{(row['output_um'] - row['input_um']) * 1e3:+.2f}",
+                    )
+                    for row in rows
+                ],
+            )
+        )
     return tables
 
 
 def _run_table(report: dict) -> Table:
     seconds, ledger = report["seconds"], report["ledger"]
-    fates = ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in ledger.items()
-                      if count and name != "launched")
-    return Table(f"{report['scene']}, {report['estimator']} estimator on {report['device']['name']}", ("", ""), [
-        ("rays", f"{report['rays_total']:,}"),
-        ("rays/s", f"{report['rays_per_second'] / 1e6:.1f} M"),
-        ("seconds", ", ".join(f"{name} {value:.2f}" for name, value in seconds.items())),
-        ("ledger", fates),
-        ("pixels used", f"{report['pixels_used']:,}"),
-    ])
+    fates = ", ".join(
+        f"{name.replace('_', ' ')} {count:,}" for name, count in ledger.items() if count and name != "launched"
+    )
+    return Table(
+        f"{report['scene']}, {report['estimator']} estimator on {report['device']['name']}",
+        ("", ""),
+        [
+            ("rays", f"{report['rays_total']:,}"),
+            ("rays/s", f"{report['rays_per_second'] / 1e6:.1f} M"),
+            ("seconds", ", ".join(f"{name} {value:.2f}" for name, value in seconds.items())),
+            ("ledger", fates),
+            ("pixels used", f"{report['pixels_used']:,}"),
+        ],
+    )
 
 
 def _error_table(report: dict) -> Table:
     predicted, rows = report["predicted"], []
     for axis in ("x", "y"):
         estimate = Estimate(report["slope_error_urad_rms"][axis], report["slope_error_urad_rms_standard_error"][axis])
-        rows.append((f"slope {axis} [urad]", str(estimate), f"{predicted['slope_error_urad_rms'][axis]:.3g}",
-                     f"{predicted['slope_ray_noise_urad_rms'][axis]:.3g}",
-                     f"{predicted['slope_line_sampling_urad_rms'][axis]:.3g}"))
+        rows.append(
+            (
+                f"slope {axis} [urad]",
+                str(estimate),
+                f"{predicted['slope_error_urad_rms'][axis]:.3g}",
+                f"{predicted['slope_ray_noise_urad_rms'][axis]:.3g}",
+                f"{predicted['slope_line_sampling_urad_rms'][axis]:.3g}",
+            )
+        )
     for terms, value in report["height_error_nm_rms"].items():
         estimate = Estimate(value, report["height_error_nm_rms_standard_error"][terms])
-        parts = [f"{predicted[key]:.3g}" for key in ("height_error_nm_rms_piston_tilt", "height_ray_noise_nm_rms",
-                                                    "height_line_sampling_nm_rms")] if terms == "piston_tilt" else [""] * 3
+        parts = (
+            [
+                f"{predicted[key]:.3g}"
+                for key in ("height_error_nm_rms_piston_tilt", "height_ray_noise_nm_rms", "height_line_sampling_nm_rms")
+            ]
+            if terms == "piston_tilt"
+            else [""] * 3
+        )
         rows.append((f"height less {terms.replace('_', ', ')} [nm]", str(estimate), *parts))
     return Table("Error, rms over the pixels used", ("", "actual", "predicted", "ray noise", "line sampling"), rows)
 

@@ -19,8 +19,12 @@ def philox4x32_10(counter: np.ndarray, key: tuple[int, int]) -> np.ndarray:
     key0, key1 = (np.uint64(k) for k in key)
     for _ in range(10):
         product0, product1 = c0 * _MULTIPLIERS[0], c2 * _MULTIPLIERS[1]
-        c0, c1, c2, c3 = ((product1 >> np.uint64(32)) ^ c1 ^ key0, product1 & _LOW,
-                          (product0 >> np.uint64(32)) ^ c3 ^ key1, product0 & _LOW)
+        c0, c1, c2, c3 = (
+            (product1 >> np.uint64(32)) ^ c1 ^ key0,
+            product1 & _LOW,
+            (product0 >> np.uint64(32)) ^ c3 ^ key1,
+            product0 & _LOW,
+        )
         key0, key1 = (np.uint64((int(k) + w) & 0xFFFFFFFF) for k, w in zip((key0, key1), _WEYL, strict=True))
     return np.stack([c0, c1, c2, c3], -1).astype(np.uint32)
 

@@ -5,8 +5,7 @@ at the point of the surface at the segment's centre), +Z along the surface norma
 camera, +X away from the parent's axis. A device looks from `position_mm` at `look_at_mm`; its x axis is
 unit(Y_world x z).
 
-Every refusal, of a file or of a constructor's argument, is a `SceneError` of one line that names the source,
-the key, the value and what is allowed. Only the standard library and pydantic are imported: starting is fast.
+Every refusal, of a file or of a constructor's argument, is a `SceneError` of one line; see checked.py.
 """
 
 from __future__ import annotations
@@ -15,187 +14,36 @@ import dataclasses
 import functools
 import math
 import re
-import typing
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, Strict, TypeAdapter, ValidationError, WrapValidator, model_validator
-from pydantic.dataclasses import dataclass
-from pydantic_core import PydanticCustomError
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
-MAX_LENGTH_MM = 1e12  # as a radius it is a plane mirror: 0.1 nm of sag over a metre
-MAX_PIXELS_PER_AXIS = 16384
+from irtscots_cl.checked import (
+    Coefficients,
+    Conic,
+    Fraction,
+    NonNegativeMm,
+    OffsetMm,
+    OptionalMm,
+    PixelGrid,
+    PointMm,
+    PositiveMm,
+    Radiance,
+    SceneName,
+    checked,
+    nearest,
+    problem,
+    refuse,
+    shown_word,
+    translate,
+)
+
 MAX_SCREEN_PIXELS = 2**26
 MAX_DETECTOR_PIXELS = 2**24
 MAX_RADIAL_ORDER = 40
 MAX_VIEW_RAD = math.radians(89.0)
 MIN_SINE_TO_Y = 1e-6  # below it the device's x axis is lost in the rounding of its position
-SHOWN_CHARACTERS = 40
 ZERNIKE_KEYS = {"noll_um": "noll", "fringe_um": "fringe", "osa_um": "osa"}
-
-
-class SceneError(ValueError):
-    """An unusable scene; the message is one printable line `FILE: key.path = VALUE: what is allowed`."""
-
-
-# --- one definition of each range and of its text -----------------------------------------------------------
-
-
-def _range(**bounds: float) -> Any:
-    """A range of floats, given as pydantic's gt, ge, le, together with the words for it."""
-    words = {"gt": "above", "ge": "at least", "le": "at most"}
-    text = "a finite number " + " and ".join(f"{words[kind]} {limit:g}" for kind, limit in bounds.items())
-    return Field(allow_inf_nan=False, description=text, **bounds)
-
-
-def _whole(value: object, check: Any) -> object:
-    """Take a list (TOML's array) or a tuple, but no set; refuse the whole of it, not one of its elements."""
-    try:
-        return check(tuple(value) if isinstance(value, list) else value)
-    except ValidationError:
-        raise PydanticCustomError("array", "array") from None
-
-
-_ARRAY = (Strict(), WrapValidator(_whole))
-_Coordinate = Annotated[float, Strict(), _range(ge=-MAX_LENGTH_MM, le=MAX_LENGTH_MM)]
-_Count = Annotated[int, Strict(), Field(ge=1, le=MAX_PIXELS_PER_AXIS)]
-_GRID_TEXT = f"[columns, rows], two integers from 1 to {MAX_PIXELS_PER_AXIS}"
-_NAME_TEXT = "1 to 64 characters of A-Z a-z 0-9 . _ - without a leading dot"
-
-_POSITIVE = _range(gt=0, le=MAX_LENGTH_MM)
-PositiveMm = Annotated[float, Strict(), _POSITIVE]
-OptionalMm = Annotated[PositiveMm | None, Field(description=_POSITIVE.description)]
-NonNegativeMm = Annotated[float, Strict(), _range(ge=0, le=MAX_LENGTH_MM)]
-PointMm = Annotated[
-    tuple[_Coordinate, _Coordinate, _Coordinate],
-    *_ARRAY,
-    Field(description=f"[x, y, z], three finite numbers within {MAX_LENGTH_MM:g}"),
-]
-OffsetMm = Annotated[
-    tuple[_Coordinate, _Coordinate],
-    *_ARRAY,
-    Field(description=f"[x, y], two finite numbers within {MAX_LENGTH_MM:g}"),
-]
-PixelGrid = Annotated[tuple[_Count, _Count], *_ARRAY, Field(description=_GRID_TEXT)]
-Fraction = Annotated[float, Strict(), _range(gt=0, le=1)]
-Radiance = Annotated[float, Strict(), _range(gt=0, le=1e12)]
-Conic = Annotated[float, Strict(), _range(ge=-1e6, le=1e6)]
-# Index and coefficient are refused at a place of their own, one step below the field; see _allowed.
-_COEFFICIENT_RANGE = _range(ge=-1e6, le=1e6)
-Coefficients = Annotated[
-    dict[Annotated[int, Strict()], Annotated[float, Strict(), _COEFFICIENT_RANGE]],
-    Field(description="a table { index = micrometres } of at least one term", min_length=1),
-]
-SceneName = Annotated[
-    str, Strict(), Field(pattern=r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,63}$", description=_NAME_TEXT)
-]
-
-
-# --- one line per problem -----------------------------------------------------------------------------------
-
-
-def _shown(value: object) -> str:
-    """`value` as at most 40 printable characters."""
-    try:
-        text = repr(list(value) if isinstance(value, tuple) else value)
-    except (ValueError, RecursionError):  # an integer of too many digits, arrays nested too deep
-        text = f"<{type(value).__name__}>"
-    return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."
-
-
-def _word(step: object) -> str:
-    return step if isinstance(step, str) else _shown(step)
-
-
-def _key_path(steps: tuple[Any, ...]) -> str:
-    """`("mirror", "zernike", 0, "noll_um", 6)` as `mirror.zernike[0].noll_um.6`."""
-    path = ""
-    for k, step in enumerate(steps):
-        if steps[k - 1 : k] == ("zernike",) and isinstance(step, int):
-            path += f"[{step}]"
-        else:
-            path += "." + (_word(step) if re.fullmatch(r"[A-Za-z0-9_-]{1,40}", _word(step)) else _shown(step))
-    return path.removeprefix(".")
-
-
-def nearest(word: str, known: typing.Iterable[str]) -> str:
-    """`did you mean X?` or, where nothing is near, the list of what is known."""
-    import difflib  # only a refusal pays for it
-
-    close = difflib.get_close_matches(word[:100], known, n=1)  # longer words only cost time
-    return f"did you mean {close[0]}?" if close else f"allowed: {', '.join(known)}"
-
-
-def problem(source: str, steps: tuple[Any, ...], message: str, *value: object) -> SceneError:
-    """The error `SOURCE: key.path = VALUE: message`; without steps or value these parts are left out."""
-    shown_source = "".join(c if c.isprintable() else repr(c)[1:-1] for c in source)
-    key = _key_path(steps) + "".join(f" = {_shown(v)}" for v in value)
-    return SceneError(": ".join(part for part in (shown_source, key.removeprefix(" = "), message) if part))
-
-
-def _allowed(kind: Any, steps: tuple[Any, ...]) -> tuple[Any, str]:
-    """The dataclass that holds the last of `steps`, counted from `kind`, and what is allowed there."""
-    text = "a table"
-    for step in steps:
-        if step in kind.__pydantic_fields__:
-            owner, text = kind, kind.__pydantic_fields__[step].description
-            kind = _PARTS.get(step, kind)
-        else:  # an unknown key, an element of zernike, or an index or coefficient
-            owner = kind
-            text = _COEFFICIENT_RANGE.description if "coefficients_um" in steps else "a table"
-    return (owner if steps else kind), text
-
-
-def _translate(
-    error: ValidationError, kind: Any, source: str, prefix: tuple[Any, ...] = (), rename: str = ""
-) -> SceneError:
-    """The most useful of pydantic's problems: a misspelt key goes first, since it leaves another missing.
-
-    `prefix` leads from the file's top to `kind`; `rename` is what the file calls `coefficients_um`.
-    """
-    misspelt = ("unexpected_keyword_argument", "unexpected_positional_argument", "invalid_key")
-    rank = {**dict.fromkeys(misspelt, 0), "missing": 2}
-    first = min(error.errors(include_url=False), key=lambda entry: rank.get(entry["type"], 1))
-    cross = first["ctx"] if first["type"] == "cross" else {"steps": (), "value": first["input"]}
-    steps = (*(step for step in first["loc"] if step != "[key]"), *cross["steps"])
-    if steps and isinstance(steps[0], int) and first["type"] not in misspelt:  # a positional argument
-        steps = (list(kind.__pydantic_fields__)[steps[0]], *steps[1:])
-    owner, text = _allowed(kind, steps)
-    path = (*prefix, *(rename if rename and step == "coefficients_um" else step for step in steps))
-    if first["type"] in misspelt:
-        return problem(source, path, f"unknown key; {nearest(_word(steps[-1]), owner.__pydantic_fields__)}")
-    if first["type"] == "missing":
-        return problem(source, path, f"missing; needs {text}")
-    if "[key]" in first["loc"]:
-        text = "an integer index"
-    return problem(source, path, f"must {cross.get('must', f'be {text}')}", cross["value"])
-
-
-def _refuse(steps: tuple[Any, ...], value: object, must: str) -> typing.NoReturn:
-    """Refuse what no field's range can; `steps` leads from the dataclass being checked to the value."""
-    raise PydanticCustomError("cross", "cross", {"steps": steps, "value": value, "must": must})
-
-
-_Part = typing.TypeVar("_Part")
-
-
-@typing.dataclass_transform(frozen_default=True, field_specifiers=(Field,))
-def _checked(cls: type[_Part]) -> type[_Part]:
-    """A frozen pydantic dataclass without unknown keys, whose constructor raises `SceneError`."""
-    cls = dataclass(frozen=True, config=ConfigDict(extra="forbid"))(cls)
-    build = cls.__init__
-
-    @functools.wraps(build)
-    def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
-        try:
-            build(self, *args, **kwargs)
-        except ValidationError as error:
-            raise _translate(error, cls, cls.__name__) from None
-
-    cls.__init__ = __init__  # type: ignore[misc]
-    return cls
-
-
-# --- the parts of a test ------------------------------------------------------------------------------------
 
 
 def _radial_order(ordering: str, index: int) -> int:
@@ -206,7 +54,7 @@ def _radial_order(ordering: str, index: int) -> int:
     return (math.isqrt(8 * (index - (ordering == "noll")) + 1) - 1) // 2
 
 
-@_checked
+@checked("zernike")
 class ZernikeTerms:
     """Deviation from the nominal surface, in um, on the disk of `radius_mm` about the mirror's centre."""
 
@@ -221,14 +69,14 @@ class ZernikeTerms:
             if not lowest <= index <= highest or _radial_order(self.ordering, index) > MAX_RADIAL_ORDER:
                 must = f"have a {self.ordering} index from {lowest} to {highest}"
                 must += f", of radial order at most {MAX_RADIAL_ORDER}"
-                _refuse(("coefficients_um", index), value, must)
+                refuse(("coefficients_um", index), value, must)
         return self
 
     def __hash__(self) -> int:  # a dict has none
         return hash((self.radius_mm, self.ordering, frozenset(self.coefficients_um.items())))
 
 
-@_checked
+@checked("mirror")
 class Mirror:
     """A concave conic of revolution or an off-axis piece of one, its rim and its central hole round."""
 
@@ -243,18 +91,21 @@ class Mirror:
     @model_validator(mode="after")
     def _check(self) -> Mirror:
         if not self.obscuration_mm < self.diameter_mm:
-            _refuse(("obscuration_mm",), self.obscuration_mm, f"be below diameter_mm ({self.diameter_mm!r})")
+            refuse(("obscuration_mm",), self.obscuration_mm, f"be below diameter_mm ({self.diameter_mm!r})")
         rim_mm, curvature = self.off_axis_mm + self.diameter_mm / 2, 1.0 + self.conic
         if curvature > 0 and curvature * rim_mm * rim_mm >= self.radius_mm * self.radius_mm:
             reach_mm = self.radius_mm / math.sqrt(curvature)
             if reach_mm <= self.off_axis_mm:
-                _refuse(("off_axis_mm",), self.off_axis_mm, f"be below {reach_mm:.10g}, where the conic ends")
+                refuse(("off_axis_mm",), self.off_axis_mm, f"be below {reach_mm:.10g}, where the conic ends")
             limit_mm = 2 * (reach_mm - self.off_axis_mm)
-            _refuse(("diameter_mm",), self.diameter_mm, f"be below {limit_mm:.10g}, where the conic ends")
+            refuse(("diameter_mm",), self.diameter_mm, f"be below {limit_mm:.10g}, where the conic ends")
         for k, terms in enumerate(self.zernike):
             if terms.radius_mm < self.diameter_mm / 2:
                 must = f"be at least half of diameter_mm ({self.diameter_mm / 2!r}), to cover the mirror"
-                _refuse(("zernike", k, "radius_mm"), terms.radius_mm, must)
+                refuse(("zernike", k, "radius_mm"), terms.radius_mm, must)
+            if terms.radius_mm != self.zernike[0].radius_mm:
+                must = f"be the first table's ({self.zernike[0].radius_mm!r}): all terms share one disk"
+                refuse(("zernike", k, "radius_mm"), terms.radius_mm, must)
         return self
 
 
@@ -262,17 +113,17 @@ def _check_direction(device: Screen | Camera) -> None:
     """A device's frame needs a direction to look in, and one that is not the world's Y."""
     x, y, z = (a - b for a, b in zip(device.position_mm, device.look_at_mm, strict=True))
     if x == y == z == 0.0:
-        _refuse(("position_mm",), device.position_mm, "differ from look_at_mm, for a direction to look in")
+        refuse(("position_mm",), device.position_mm, "differ from look_at_mm, for a direction to look in")
     if math.hypot(x, z) <= MIN_SINE_TO_Y * math.hypot(x, y, z):
-        _refuse(("position_mm",), device.position_mm, "not lie along Y from look_at_mm: no x axis")
+        refuse(("position_mm",), device.position_mm, "not lie along Y from look_at_mm: no x axis")
 
 
 def _check_pixels(pixels: tuple[int, int], most: int) -> None:
     if pixels[0] * pixels[1] > most:
-        _refuse(("pixels",), pixels, f"be at most {most} pixels in all")
+        refuse(("pixels",), pixels, f"be at most {most} pixels in all")
 
 
-@_checked
+@checked("screen")
 class Screen:
     """A Lambertian screen; `centre_offset_mm` moves its grid of square pixels in the screen's own x, y."""
 
@@ -291,7 +142,7 @@ class Screen:
         return self
 
 
-@_checked
+@checked("detector")
 class Detector:
     """A grid of square pixels behind the lens."""
 
@@ -304,7 +155,7 @@ class Detector:
         return self
 
 
-@_checked
+@checked("camera")
 class Camera:
     """A paraxial lens at `position_mm` with its detector where `focus_mm` is imaged sharply."""
 
@@ -332,13 +183,13 @@ class Camera:
         if not self.focal_length_mm / self.focus_mm < 1.0:
             if self.focus_distance_mm is not None:
                 must = f"be above focal_length_mm ({self.focal_length_mm!r})"
-                _refuse(("focus_distance_mm",), self.focus_distance_mm, must)
+                refuse(("focus_distance_mm",), self.focus_distance_mm, must)
             must = f"be below {self.focus_mm:.10g}, the distance to look_at_mm, which is in focus"
-            _refuse(("focal_length_mm",), self.focal_length_mm, must)
+            refuse(("focal_length_mm",), self.focal_length_mm, must)
         return self
 
 
-@_checked
+@checked("scene")
 class Scene:
     """One test: what is measured and with what."""
 
@@ -358,13 +209,13 @@ class Scene:
             sag_mm = r * r / (radius + root)
             if not z > sag_mm:
                 must = f"lie in front of the mirror: z above {sag_mm:.10g}"
-                _refuse((key, "position_mm"), device.position_mm, must)
+                refuse((key, "position_mm"), device.position_mm, must)
             away = math.hypot(x, y, z)
             look = [b - a for a, b in zip(device.position_mm, device.look_at_mm, strict=True)]
             cosine = -sum(u / away * v / math.hypot(*look) for u, v in zip((x, y, z), look, strict=True))
             if not cosine > math.cos(MAX_VIEW_RAD):
                 must = "look from position_mm within 89 degrees of the mirror's vertex"
-                _refuse((key, "look_at_mm"), device.look_at_mm, must)
+                refuse((key, "look_at_mm"), device.look_at_mm, must)
         return self
 
     @classmethod
@@ -386,9 +237,6 @@ class Scene:
         return _toml_table((), self).lstrip("\n")
 
 
-_PARTS = {"mirror": Mirror, "zernike": ZernikeTerms, "screen": Screen, "camera": Camera, "detector": Detector}
-
-
 # --- the TOML form ------------------------------------------------------------------------------------------
 
 
@@ -399,7 +247,7 @@ def _validated(kind: Any, data: object, source: str, prefix: tuple[Any, ...] = (
     try:
         return _adapter(kind).validate_python(data)
     except ValidationError as error:
-        raise _translate(error, kind, source, prefix, rename) from None
+        raise translate(error, kind, source, prefix, rename) from None
 
 
 def _zernike_from_toml(entry: object, source: str, prefix: tuple[Any, ...]) -> ZernikeTerms:
@@ -409,7 +257,7 @@ def _zernike_from_toml(entry: object, source: str, prefix: tuple[Any, ...]) -> Z
     allowed = ["radius_mm", *ZERNIKE_KEYS]
     for key in entry:
         if key not in allowed:
-            raise problem(source, (*prefix, key), f"unknown key; {nearest(_word(key), allowed)}")
+            raise problem(source, (*prefix, key), f"unknown key; {nearest(shown_word(key), allowed)}")
     keys = [key for key in entry if key in ZERNIKE_KEYS]
     if len(keys) != 1:
         raise problem(source, prefix, f"needs exactly one of {', '.join(ZERNIKE_KEYS)}")

@@ -10,9 +10,10 @@ def half_vector_slopes(mirror_mm: np.ndarray, screen_mm: np.ndarray, camera_mm: 
 
     mirror_mm, screen_mm: [..., 3] points of the mirror and the screen points that they reflect into the camera;
     camera_mm: [3] centre of the camera's aperture; all in world coordinates. The surface normal halves the angle
-    between the directions to screen and camera. The mirror points contain the height that is sought: see reconstruction.
+    between the directions to screen and camera. The mirror points contain the height that is sought.
     """
     to_screen, to_camera = screen_mm - mirror_mm, camera_mm - mirror_mm
-    half = (to_screen / np.linalg.norm(to_screen, axis=-1, keepdims=True)
-            + to_camera / np.linalg.norm(to_camera, axis=-1, keepdims=True))
+    half = to_screen / np.linalg.norm(to_screen, axis=-1, keepdims=True) + to_camera / np.linalg.norm(
+        to_camera, axis=-1, keepdims=True
+    )
     return -half[..., 0] / half[..., 2], -half[..., 1] / half[..., 2]

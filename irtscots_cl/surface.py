@@ -36,7 +36,8 @@ class Surface:
                 coefficients[nm] = coefficients.get(nm, 0.0) + value_um * 1e-3
         return cls(
             Quadric.conic(mirror.radius_mm, mirror.conic, mirror.off_axis_mm),
-            mirror.diameter_mm / 2, mirror.obscuration_mm / 2,
+            mirror.diameter_mm / 2,
+            mirror.obscuration_mm / 2,
             radial_series(coefficients) if coefficients else None,
             mirror.zernike[0].radius_mm if coefficients else 1.0,
         )

@@ -19,10 +19,10 @@ from irtscots_cl.scene import Scene
 from irtscots_cl.transport import Transport, gather, ledger_from
 
 ESTIMATORS = ("forward", "adjoint")
-MAX_RAYS_PER_ITEM = 2**18      # of one work-item: amortises its tile, and keeps every 32-bit tile bin below 2^32
-FIRST_LAUNCH_RAYS = 2**24      # before a launch has been timed
-LAUNCH_SECONDS = 0.4           # aimed at, so that progress and interruption stay responsive
-MAX_TILE_BYTES = 2**19         # a larger detector tile would leave the core's cache
+MAX_RAYS_PER_ITEM = 2**18  # of one work-item: amortises its tile, and keeps every 32-bit tile bin below 2^32
+FIRST_LAUNCH_RAYS = 2**24  # before a launch has been timed
+LAUNCH_SECONDS = 0.4  # aimed at, so that progress and interruption stay responsive
+MAX_TILE_BYTES = 2**19  # a larger detector tile would leave the core's cache
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,20 @@ class Windows:
     columns: int
 
 
-def trace(scene: Scene, *, device: Device | None = None, estimator: str = "adjoint", sampler: str = "philox",
-          precision: str = "fp32", rays_per_pixel: int = 1024, replicates: int = 8, seed: int = 1,
-          overfill: float = 1.0, progress: Callable[[int, int], None] | None = None,
-          launch_rays: int | None = None) -> Transport:
+def trace(
+    scene: Scene,
+    *,
+    device: Device | None = None,
+    estimator: str = "adjoint",
+    sampler: str = "philox",
+    precision: str = "fp32",
+    rays_per_pixel: int = 1024,
+    replicates: int = 8,
+    seed: int = 1,
+    overfill: float = 1.0,
+    progress: Callable[[int, int], None] | None = None,
+    launch_rays: int | None = None,
+) -> Transport:
     """Trace rays_per_pixel rays per screen pixel (forward) or per detector pixel (adjoint).
 
     device: as select_device gives it; None selects one. replicates: independent parts of the rays, for error bars.
@@ -57,20 +67,36 @@ def trace(scene: Scene, *, device: Device | None = None, estimator: str = "adjoi
     check_visible(calibration, f"scene {scene.name}")
     margin = 1
     while True:
-        job = _Job(calibration, device, estimator, sampler, precision, seed, overfill, place_windows(calibration, margin))
+        job = _Job(
+            calibration, device, estimator, sampler, precision, seed, overfill, place_windows(calibration, margin)
+        )
         rays = np.full(replicates, rays_per_pixel // replicates, dtype=np.int64)
-        rays[:rays_per_pixel % replicates] += 1
+        rays[: rays_per_pixel % replicates] += 1
         built = time.perf_counter()
         counts, fates = job.run(rays, progress, launch_rays)
         if fates[Fate.OFF_WINDOW] == 0:
             break
-        margin *= 2   # light fell beside a window: wider ones, from the start
+        margin *= 2  # light fell beside a window: wider ones, from the start
     launched = int(rays.sum()) * job.streams
-    if estimator == "adjoint":   # its windows hold weights, not counts
+    if estimator == "adjoint":  # its windows hold weights, not counts
         fates[Fate.DETECTED] = launched - int(fates.sum())
     seconds = {"build": built - started, "trace": time.perf_counter() - built}
-    return Transport(scene, estimator, sampler, precision, seed, overfill, device.describe(), job.windows.pixels,
-                     job.windows.origins, counts, job.unit_w, rays, ledger_from(fates, launched), seconds)
+    return Transport(
+        scene,
+        estimator,
+        sampler,
+        precision,
+        seed,
+        overfill,
+        device.describe(),
+        job.windows.pixels,
+        job.windows.origins,
+        counts,
+        job.unit_w,
+        rays,
+        ledger_from(fates, launched),
+        seconds,
+    )
 
 
 def _check(estimator, sampler, rays_per_pixel, replicates, seed, overfill) -> None:
@@ -81,8 +107,9 @@ def _check(estimator, sampler, rays_per_pixel, replicates, seed, overfill) -> No
     if not 1 <= replicates <= 1024:
         raise ValueError(f"--replicates = {replicates}: must be 1 to 1024")
     if not replicates <= rays_per_pixel <= 2**40:
-        raise ValueError(f"--rays-per-pixel = {rays_per_pixel}: must be at least the {replicates} replicates "
-                         "and at most 2^40")
+        raise ValueError(
+            f"--rays-per-pixel = {rays_per_pixel}: must be at least the {replicates} replicates and at most 2^40"
+        )
     if not 0 <= seed < 2**64:
         raise ValueError(f"--seed = {seed}: must be 0 to 2^64 - 1")
     if not 1.0 <= overfill <= 1e4:
@@ -120,8 +147,17 @@ def plan_launches(streams: int, rays: int, launch_rays: Callable[[], int]) -> It
 class _Job:
     """One estimator's kernel and buffers for one scene and one choice of windows."""
 
-    def __init__(self, calibration: Calibration, device: Device, estimator: str, sampler: str, precision: str,
-                 seed: int, overfill: float, windows: Windows):
+    def __init__(
+        self,
+        calibration: Calibration,
+        device: Device,
+        estimator: str,
+        sampler: str,
+        precision: str,
+        seed: int,
+        overfill: float,
+        windows: Windows,
+    ):
         self.windows, self.seed, self.scene = windows, seed, calibration.scene
         self.detector_pixels = int(np.prod(calibration.shape))
         screen, camera, mirror = self.scene.screen, self.scene.camera, self.scene.mirror
@@ -148,8 +184,7 @@ class _Job:
         slots[windows.pixels] = np.arange(len(windows.pixels))
         lookup = [work.upload(slots), work.upload(windows.origins)] if estimator == "forward" else []
         self._before = [work.upload(packed.scene)]
-        self._after = [work.upload(sources), *lookup, self._counts, self._ledger,
-                       tile if tiled else LocalMemory(8)]
+        self._after = [work.upload(sources), *lookup, self._counts, self._ledger, tile if tiled else LocalMemory(8)]
         self._rays_per_second = 0.0
 
     def run(self, rays: np.ndarray, progress, launch_rays: int | None) -> tuple[np.ndarray, np.ndarray]:
@@ -176,27 +211,35 @@ class _Job:
         per_item = min(rays, MAX_RAYS_PER_ITEM)
         launch = np.zeros((), LAUNCH)
         for name, value in {
-            "first_ray": first_ray, "ray_count": rays, "rays_per_item": per_item,
-            "first_stream": first_stream, "replicate": replicate,
-            "seed_low": self.seed & 0xFFFFFFFF, "seed_high": self.seed >> 32,
-            "screen_columns": self.scene.screen.pixels[0], "screen_rows": self.scene.screen.pixels[1],
+            "first_ray": first_ray,
+            "ray_count": rays,
+            "rays_per_item": per_item,
+            "first_stream": first_stream,
+            "replicate": replicate,
+            "seed_low": self.seed & 0xFFFFFFFF,
+            "seed_high": self.seed >> 32,
+            "screen_columns": self.scene.screen.pixels[0],
+            "screen_rows": self.scene.screen.pixels[1],
             "detector_pixels": self.detector_pixels,
-            "window_columns": self.windows.columns, "window_rows": self.windows.rows,
+            "window_columns": self.windows.columns,
+            "window_rows": self.windows.rows,
         }.items():
             launch[name] = value
         seconds = self._workspace.launch((streams, -(-rays // per_item)), [*self._before, launch, *self._after])
         self._rays_per_second = max(streams * rays / max(seconds, 1e-6), 1e6)
 
 
-def compose_trace(packed: Packed, device: Device, estimator: str, sampler: str, precision: str,
-                  accumulate: str) -> Source:
+def compose_trace(
+    packed: Packed, device: Device, estimator: str, sampler: str, precision: str, accumulate: str
+) -> Source:
     """The estimator's kernel source for a packed scene on a device; accumulate: "tile" or "atomic"."""
     choices = packed.choices | {"sampler": sampler, "accumulate": accumulate}
     return compose(f"trace_{estimator}.cl", choices, packed.structs, precision, device.vector_width(precision))
 
 
-def source_for(scene: Scene, device: Device, estimator: str = "adjoint", sampler: str = "philox",
-               precision: str = "fp32") -> Source:
+def source_for(
+    scene: Scene, device: Device, estimator: str = "adjoint", sampler: str = "philox", precision: str = "fp32"
+) -> Source:
     """The exact source that `trace` builds for a scene. Raises as trace does."""
     _check(estimator, sampler, rays_per_pixel=1, replicates=1, seed=0, overfill=1.0)
     check_precision(device, precision)

@@ -57,7 +57,7 @@ class Transport:
         return self.counts.sum((0, 2, 3)) / one
 
     def gather(self, of_screen: np.ndarray) -> np.ndarray:
-        """Values [rows, columns] of the screen's pixels as seen through the windows [n, window rows, window columns]."""
+        """Values [rows, columns] of the screen's pixels in the windows [n, window rows, window columns]."""
         return gather(of_screen, self.origins, *self.counts.shape[2:])
 
     def images(self, pattern):

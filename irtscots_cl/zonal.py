@@ -102,9 +102,7 @@ class ZonalIntegrator:
         factor = _factorise((gather @ gather.T).tocsc()) if free.size else None
         return cls(mask, islands, pairs, free, gather, factor)
 
-    def heights(
-        self, x_mm: ArrayLike, y_mm: ArrayLike, slope_x: ArrayLike, slope_y: ArrayLike
-    ) -> NDArray[np.float64]:
+    def heights(self, x_mm: ArrayLike, y_mm: ArrayLike, slope_x: ArrayLike, slope_y: ArrayLike) -> NDArray[np.float64]:
         """Heights [..., rows, columns] in mm; arguments, result and errors as `integrate_slopes`."""
         x = self._nodes("x_mm", x_mm, self.mask.shape)
         y = self._nodes("y_mm", y_mm, self.mask.shape)
@@ -138,9 +136,7 @@ class ZonalIntegrator:
         return nodes - means[island].T
 
 
-def remove_terms(
-    x_mm: ArrayLike, y_mm: ArrayLike, z: ArrayLike, mask: ArrayLike, terms: str
-) -> NDArray[np.float64]:
+def remove_terms(x_mm: ArrayLike, y_mm: ArrayLike, z: ArrayLike, mask: ArrayLike, terms: str) -> NDArray[np.float64]:
     """``z`` without its least-squares fit of the named low-order terms, in the unit of ``z``.
 
     "none" removes nothing, "piston" 1, "piston_tilt" 1, x, y and "piston_tilt_power" 1, x, y, x^2 + y^2. All

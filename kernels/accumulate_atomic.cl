@@ -2,10 +2,10 @@
 // own a tile, and for detectors too large for a tile. The same verbs as accumulate_tile.cl, the same sums bit for bit.
 #include "window.cl"
 
-inline void hits_begin(Hits *hits) {}
-inline void hits_add(Hits *hits, int pixel) { hits_store(hits, pixel, 1); }
-inline void hits_end(Hits *hits) {}
+INLINE void hits_begin(Hits *hits) {}
+INLINE void hits_add(Hits *hits, int pixel) { hits_store(hits, pixel, 1); }
+INLINE void hits_end(Hits *hits) {}
 
-inline void light_begin(Light *light) {}
-inline void light_add(Light *light, int bin, uint amount) { light_store(light, bin, amount); }
-inline void light_end(Light *light) {}
+INLINE void light_begin(Light *light) {}
+INLINE void light_add(Light *light, int bin, uint amount) { light_store(light, bin, amount); }
+INLINE void light_end(Light *light) {}

@@ -5,25 +5,25 @@
 #include "window.cl"
 
 // Forward: one screen pixel's hits, counted per detector pixel.
-inline void hits_begin(Hits *hits) {
+INLINE void hits_begin(Hits *hits) {
     for (int i = 0; i < hits->launch->detector_pixels; ++i) hits->tile[i] = 0;
 }
 
-inline void hits_add(Hits *hits, int pixel) { ++hits->tile[pixel]; }
+INLINE void hits_add(Hits *hits, int pixel) { ++hits->tile[pixel]; }
 
-inline void hits_end(Hits *hits) {
+INLINE void hits_end(Hits *hits) {
     for (int pixel = 0; pixel < hits->launch->detector_pixels; ++pixel)
         if (hits->tile[pixel] != 0) hits_store(hits, pixel, hits->tile[pixel]);
 }
 
 // Adjoint: one detector pixel's window, then its fates.
-inline void light_begin(Light *light) {
+INLINE void light_begin(Light *light) {
     for (int i = 0; i < light->bins; ++i) light->tile[i] = 0;
 }
 
-inline void light_add(Light *light, int bin, uint amount) { light->tile[bin] += amount; }
+INLINE void light_add(Light *light, int bin, uint amount) { light->tile[bin] += amount; }
 
-inline void light_end(Light *light) {
+INLINE void light_end(Light *light) {
     for (int bin = 0; bin < light->bins; ++bin)
         if (light->tile[bin] != 0) light_store(light, bin, light->tile[bin]);
 }

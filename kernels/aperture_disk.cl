@@ -1,6 +1,6 @@
 // Mirror aperture: a disk about the z axis. Unit: mm.
 #include "simd_*.cl"
 
-inline maskv aperture_contains(__constant Mirror *mirror, vec3v point) {
+INLINE maskv aperture_contains(__constant Mirror *mirror, vec3v point) {
     return point.x * point.x + point.y * point.y <= mirror->aperture_radius2;
 }

@@ -4,12 +4,12 @@
 // Scalar: it runs only for the few rays that came through the aperture.
 // The paraxial lens takes slope (p, q) at (a, b) to (p - a/f, q - b/f); the image is stored upright, so the detector's
 // coordinates are negated. Returns the pixel's number row * columns + column, or -1 off the detector.
-inline int detector_pixel(__constant Scene *scene, real a, real b, real slope_a, real slope_b) {
+INLINE int detector_pixel(__constant Scene *scene, real a, real b, real slope_a, real slope_b) {
     const real image_x = -(a + scene->image_distance * (slope_a - a * scene->inverse_focal_length));
     const real image_y = -(b + scene->image_distance * (slope_b - b * scene->inverse_focal_length));
     const int columns = scene->detector_columns, rows = scene->detector_rows;
-    const real column = floor(image_x * scene->inverse_detector_pitch + (real)0.5 * columns);
-    const real row = floor(image_y * scene->inverse_detector_pitch + (real)0.5 * rows);
+    const real column = image_x * scene->inverse_detector_pitch + (real)0.5 * columns;
+    const real row = image_y * scene->inverse_detector_pitch + (real)0.5 * rows;
     const bool inside = column >= 0 && column < columns && row >= 0 && row < rows;
     return inside ? (int)row * columns + (int)column : -1;
 }

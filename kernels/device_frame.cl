@@ -3,11 +3,11 @@
 // on the host, so that no device coordinate of 4 m is subtracted here in single precision. Unit: mm.
 #include "simd_*.cl"
 
-inline realv dot_axis(__constant real *axis, vec3v v) { return axis[0] * v.x + axis[1] * v.y + axis[2] * v.z; }
+INLINE realv dot_axis(__constant real *axis, vec3v v) { return axis[0] * v.x + axis[1] * v.y + axis[2] * v.z; }
 
 // Where the ray from point_world along direction_world (any length) crosses the device's plane z = 0.
 // u, v: position there; slope_u, slope_v: du/dz, dv/dz. Returns false where the ray leaves the plane behind.
-inline maskv frame_arrive(__constant Frame *frame, vec3v point_world, vec3v direction_world,
+INLINE maskv frame_arrive(__constant Frame *frame, vec3v point_world, vec3v direction_world,
                           realv *u, realv *v, realv *slope_u, realv *slope_v) {
     const realv inverse = 1 / dot_axis(frame->axis_z, direction_world);
     const realv depth = dot_axis(frame->axis_z, point_world) + frame->offset[2];
@@ -20,7 +20,7 @@ inline maskv frame_arrive(__constant Frame *frame, vec3v point_world, vec3v dire
 
 // The line through the frame's point (u, v, 0) along (direction_u, direction_v, direction_z) in the frame, as the mirror
 // wants it: (x0 + p z, y0 + q z, z) in world coordinates. start_world gets the point itself.
-inline void frame_depart(__constant Frame *frame, realv u, realv v, realv direction_u, realv direction_v,
+INLINE void frame_depart(__constant Frame *frame, realv u, realv v, realv direction_u, realv direction_v,
                          realv direction_z, vec3v *start_world, realv *x0, realv *y0, realv *p, realv *q) {
     const realv inverse = 1 / (direction_u * frame->axis_x[2] + direction_v * frame->axis_y[2]
                                + direction_z * frame->axis_z[2]);

@@ -6,7 +6,7 @@
 // As in mirror_nominal.cl. From the point on the design surface the line is followed to the deviated one by Newton
 // steps (mirror->newton_steps, chosen on the host from the deviation's size): the first moves along the line by the
 // height over its slope against the surface, further ones only refine the deviation's own argument.
-inline maskv mirror_meet(__constant Scene *scene, realv x0, realv y0, realv p, realv q, vec3v *point, vec3v *normal) {
+INLINE maskv mirror_meet(__constant Scene *scene, realv x0, realv y0, realv p, realv q, vec3v *point, vec3v *normal) {
     __constant Mirror *mirror = &scene->mirror;
     const maskv met = surface_meet(mirror, x0, y0, p, q, point);
     const vec3v base = *point;

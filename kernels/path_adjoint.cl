@@ -18,7 +18,7 @@ typedef struct {
 // pixel_x, pixel_y: the pixel's centre on the upright image (x to +x of the mirror), mm.
 // The paraxial lens turns the upright image point X seen from aperture point a into the object-side slope
 // a / focus - X / image_distance (light running from the mirror to the camera).
-inline PathAdjoint path_adjoint(__constant Scene *scene, real pixel_x, real pixel_y, Philox words) {
+INLINE PathAdjoint path_adjoint(__constant Scene *scene, real pixel_x, real pixel_y, Philox words) {
     PathAdjoint path;
     realv a, b, x0, y0, p, q, slope_u, slope_v;
     vec3v normal;

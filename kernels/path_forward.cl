@@ -16,7 +16,7 @@ typedef struct {
 
 // Lambertian emission: flux per direction-cosine area dl dm is constant, so directions uniform in the aim's ellipse all
 // carry the same flux, radiance x pixel area x ellipse area / rays.
-inline PathForward path_forward(__constant Scene *scene, const Emitter *emitter, Philox words) {
+INLINE PathForward path_forward(__constant Scene *scene, const Emitter *emitter, Philox words) {
     PathForward path;
     realv disk_x, disk_y, x0, y0, p, q;
     vec3v normal;

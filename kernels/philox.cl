@@ -4,8 +4,9 @@
 
 typedef struct { uintv word[4]; } Philox;
 
-inline Philox philox4x32_10(Philox counter, uint key0, uint key1) {
+INLINE Philox philox4x32_10(Philox counter, uint key0, uint key1) {
     Philox c = counter;
+    #pragma unroll
     for (int round = 0; round < 10; ++round) {
         uintv high0, low0, high1, low1;
         multiply_wide(c.word[0], 0xD2511F53u, &high0, &low0);

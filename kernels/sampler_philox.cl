@@ -3,7 +3,7 @@
 #include "philox.cl"
 
 // Words of the rays first + lane, in the order of the named dimensions of the trace kernels.
-inline Philox sample_words(const Launch *launch, uint stream, ulong first) {
+INLINE Philox sample_words(const Launch *launch, uint stream, ulong first) {
     const uintv low = (uint)first + lane_index();
     const uintv high = (uint)(first >> 32) + (low < (uint)first ? (uintv)(1) : (uintv)(0));
     const Philox counter = {{low, high, (uintv)(stream), (uintv)(launch->replicate)}};

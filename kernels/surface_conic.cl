@@ -2,7 +2,7 @@
 // with q_xx = q_yy = 1 / radius, q_zz = (1 + conic) / radius, q_xz = 0. Unit: mm.
 #include "simd_*.cl"
 
-inline maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p, realv q, vec3v *point) {
+INLINE maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p, realv q, vec3v *point) {
     const real curvature = mirror->q_xx;
     const realv a = curvature * (p * p + q * q) + mirror->q_zz;
     const realv b = 1 - curvature * (x0 * p + y0 * q);
@@ -15,7 +15,7 @@ inline maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p
 }
 
 // A vector along the surface normal, towards +Z; not of unit length.
-inline vec3v surface_normal(__constant Mirror *mirror, vec3v point) {
+INLINE vec3v surface_normal(__constant Mirror *mirror, vec3v point) {
     const real curvature = mirror->q_xx;
     return (vec3v){-curvature * point.x, -curvature * point.y, 1 - mirror->q_zz * point.z};
 }

@@ -3,7 +3,7 @@
 // the rotated quadric keeps only the cross term q_xz. Unit: mm.
 #include "simd_*.cl"
 
-inline maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p, realv q, vec3v *point) {
+INLINE maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p, realv q, vec3v *point) {
     const realv a = mirror->q_xx * p * p + mirror->q_yy * q * q + mirror->q_zz + 2 * mirror->q_xz * p;
     const realv b = 1 - (mirror->q_xx * x0 * p + mirror->q_yy * y0 * q + mirror->q_xz * x0);
     const realv c = mirror->q_xx * x0 * x0 + mirror->q_yy * y0 * y0;
@@ -15,7 +15,7 @@ inline maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p
 }
 
 // A vector along the surface normal, towards +Z; not of unit length.
-inline vec3v surface_normal(__constant Mirror *mirror, vec3v point) {
+INLINE vec3v surface_normal(__constant Mirror *mirror, vec3v point) {
     return (vec3v){-(mirror->q_xx * point.x + mirror->q_xz * point.z), -mirror->q_yy * point.y,
                    1 - mirror->q_zz * point.z - mirror->q_xz * point.x};
 }

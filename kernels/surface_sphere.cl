@@ -6,7 +6,7 @@
 // Where the line (x0 + p z, y0 + q z, z) meets the surface. All numbers stay of the size of the mirror, whatever the
 // distance to the line's source: that keeps single precision good. The root is the one next to the vertex.
 // Returns false where the line misses the surface.
-inline maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p, realv q, vec3v *point) {
+INLINE maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p, realv q, vec3v *point) {
     const real curvature = mirror->q_xx;
     const realv a = curvature * (p * p + q * q + 1);
     const realv b = 1 - curvature * (x0 * p + y0 * q);
@@ -19,7 +19,7 @@ inline maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p
 }
 
 // A vector along the surface normal, towards +Z; its length is 1 to rounding.
-inline vec3v surface_normal(__constant Mirror *mirror, vec3v point) {
+INLINE vec3v surface_normal(__constant Mirror *mirror, vec3v point) {
     const real curvature = mirror->q_xx;
     return (vec3v){-curvature * point.x, -curvature * point.y, 1 - curvature * point.z};
 }

@@ -6,7 +6,7 @@
 typedef struct { intv bin[BLOCK_VECTORS], weight[BLOCK_VECTORS]; } Block;
 
 // The bin of a path: in the window, or the fate's behind it.
-inline maskv path_bin(__constant Scene *scene, const Launch *launch, const Receiver *receiver, const PathAdjoint *path) {
+INLINE maskv path_bin(__constant Scene *scene, const Launch *launch, const Receiver *receiver, const PathAdjoint *path) {
     const int columns = launch->window_columns, rows = launch->window_rows, fates = columns * rows;
     const realv x = path->u * scene->inverse_screen_pitch + (scene->screen_left - receiver->column);
     const realv y = path->v * scene->inverse_screen_pitch + (scene->screen_top - receiver->row);
@@ -22,7 +22,7 @@ inline maskv path_bin(__constant Scene *scene, const Launch *launch, const Recei
 }
 
 // First pass, branch-free: bins and weights of a block of rays. Rays count as one in the bins of the fates.
-inline void block_trace(Block *block, __constant Scene *scene, const Launch *launch, const Receiver *receiver,
+INLINE void block_trace(Block *block, __constant Scene *scene, const Launch *launch, const Receiver *receiver,
                         uint stream, ulong first) {
     const int window_bins = launch->window_columns * launch->window_rows;
     for (int v = 0; v < BLOCK_VECTORS; ++v) {

@@ -12,7 +12,7 @@ typedef struct {
 } Block;
 
 // First pass, branch-free: all rays of the block to the camera's aperture.
-inline void block_trace(Block *block, __constant Scene *scene, const Launch *launch, const Emitter *emitter,
+INLINE void block_trace(Block *block, __constant Scene *scene, const Launch *launch, const Emitter *emitter,
                         uint stream, ulong first, uint count) {
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
         const maskv valid = to_mask(lane_index() + v * WIDTH < count);
@@ -29,7 +29,7 @@ inline void block_trace(Block *block, __constant Scene *scene, const Launch *lau
 }
 
 // Second pass: only the rays that came through the aperture. Returns how many of them landed on the detector.
-inline uint block_detect(Block *block, __constant Scene *scene, Hits *hits, uint *off_detector) {
+INLINE uint block_detect(Block *block, __constant Scene *scene, Hits *hits, uint *off_detector) {
     int through = 0;
     for (int j = 0; j < BLOCK_VECTORS * WIDTH; ++j) {
         block->index[through] = j;

@@ -2,12 +2,12 @@
 #include "simd_*.cl"
 
 // (-1/2, 1/2): the odd multiples of 2^-25, 2^24 of them. Never 0 and never +-1/2.
-inline realv uniform_centred(uintv word) {
+INLINE realv uniform_centred(uintv word) {
     return to_real((as_intv(word) >> 7) | 1) * (real)0x1p-25;
 }
 
 // (0, 1): the odd multiples of 2^-24, 2^23 of them. Never 0 and never 1.
-inline realv uniform_open(uintv word) {
+INLINE realv uniform_open(uintv word) {
     return to_real(as_intv((word >> 8) | 1u)) * (real)0x1p-24;
 }
 
@@ -27,7 +27,7 @@ inline realv uniform_open(uintv word) {
 
 // A point of the unit disk, uniform in area: radius from the first word, angle from the second.
 // Sine and cosine are taken of half the angle, where short polynomials do, then doubled.
-inline void unit_disk(uintv radius_word, uintv angle_word, realv *x, realv *y) {
+INLINE void unit_disk(uintv radius_word, uintv angle_word, realv *x, realv *y) {
     const realv radius = real_sqrt(uniform_open(radius_word));
     const realv t = uniform_centred(angle_word);
     const realv s = t * t;

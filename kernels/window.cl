@@ -15,7 +15,7 @@ typedef struct {
 
 // Adds count hits of a detector pixel to its window. Light outside the window is counted as such: the host turns a
 // count other than zero into an error or larger windows.
-inline void hits_store(const Hits *hits, int pixel, uint count) {
+INLINE void hits_store(const Hits *hits, int pixel, uint count) {
     const int slot = hits->slots[pixel], columns = hits->launch->window_columns, rows = hits->launch->window_rows;
     const int2 origin = slot < 0 ? (int2)(0) : hits->origins[slot];
     const int x = hits->column - origin.x, y = hits->row - origin.y;
@@ -33,7 +33,7 @@ typedef struct {
     int window_bins, bins;
 } Light;
 
-inline void light_store(const Light *light, int bin, ulong amount) {
+INLINE void light_store(const Light *light, int bin, ulong amount) {
     if (bin < light->window_bins) sum64_add(light->window, bin, amount);
     else sum64_add(light->ledger, bin - light->window_bins, amount);
 }

@@ -9,7 +9,7 @@
 // One azimuthal order's two series and their derivatives by t.
 typedef struct { realv cosine, sine, cosine_dt, sine_dt; } Radial;
 
-inline Radial zernike_radial(__constant ZernikeTerm *term, int count, realv t) {
+INLINE Radial zernike_radial(__constant ZernikeTerm *term, int count, realv t) {
     Radial b = {0, 0, 0, 0}, b_next = {0, 0, 0, 0};
     for (int k = count - 1; k >= 0; --k) {
         const real alpha = term[k].alpha, gamma = term[k].gamma_next;
@@ -25,7 +25,7 @@ inline Radial zernike_radial(__constant ZernikeTerm *term, int count, realv t) {
 }
 
 // Returns the deviation [mm] at (x, y) [mm]; its slopes go to slope_x, slope_y.
-inline realv zernike_deviation(__constant Zernike *zernike, realv x_mm, realv y_mm, realv *slope_x, realv *slope_y) {
+INLINE realv zernike_deviation(__constant Zernike *zernike, realv x_mm, realv y_mm, realv *slope_x, realv *slope_y) {
     const realv x = x_mm * zernike->inverse_radius, y = y_mm * zernike->inverse_radius;
     const realv t = 2 * (x * x + y * y) - 1;
     realv height = 0, radial_slope = 0, gradient_x = 0, gradient_y = 0;

@@ -272,6 +272,14 @@ def test_constructors_refuse_with_the_same_lines():
         assert str(caught.value) == line
 
 
+def test_all_zernike_tables_share_one_disk():
+    first, second = ZernikeTerms(532.0, "noll", {5: 0.1}), ZernikeTerms(600.0, "osa", {5: 0.1})
+    with pytest.raises(SceneError) as caught:
+        Mirror(4000.0, 1000.0, zernike=(first, second))
+    must = "must be the first table's (532.0): all terms share one disk"
+    assert str(caught.value) == f"Mirror: zernike[1].radius_mm = 600.0: {must}"
+
+
 def test_scenes_are_frozen_hashable_and_survive_pickling():
     scene = Scene.from_dict(BASE)
     with pytest.raises(dataclasses.FrozenInstanceError):
@@ -323,7 +331,7 @@ def scenes(draw):
     diameter = min(draw(st.floats(0.1, 0.9)) * reach, 1e5)
     terms = st.builds(
         ZernikeTerms,
-        st.floats(diameter / 2, diameter),
+        st.just(draw(st.floats(diameter / 2, diameter))),  # all tables share one disk
         st.sampled_from(["noll", "fringe", "osa"]),
         st.dictionaries(st.integers(1, 400), st.floats(-1e6, 1e6), min_size=1, max_size=4),
     )
