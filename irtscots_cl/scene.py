@@ -29,6 +29,7 @@ from irtscots_cl.checked import (
     PointMm,
     PositiveMm,
     Radiance,
+    SceneError,
     SceneName,
     checked,
     nearest,
@@ -37,6 +38,8 @@ from irtscots_cl.checked import (
     shown_word,
     translate,
 )
+
+__all__ = ["Camera", "Detector", "Mirror", "Scene", "SceneError", "Screen", "ZernikeTerms"]
 
 MAX_SCREEN_PIXELS = 2**26
 MAX_DETECTOR_PIXELS = 2**24
