@@ -79,9 +79,8 @@ class Surface:
         for _ in range(newton_steps if self.deviation is not None else 0):
             z = base + self.deviation_at(x0 + p * z, y0 + q * z)[0] / (1.0 - p * slope_x - q * slope_y)
         x, y = x0 + p * z, y0 + q * z
-        slope_x, slope_y = self.quadric.gradient(x, y, z)
-        _, extra_x, extra_y = self.deviation_at(x, y)
-        normal = np.stack([-slope_x - extra_x, -slope_y - extra_y, np.ones_like(z)], -1)
+        slope_x, slope_y = self.gradient(x, y)
+        normal = np.stack([-slope_x, -slope_y, np.ones_like(z)], -1)
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
         outgoing = directions - 2.0 * np.sum(directions * normal, -1, keepdims=True) * normal
         return np.stack([x, y, z], -1), outgoing

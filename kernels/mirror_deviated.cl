@@ -12,13 +12,13 @@ INLINE maskv mirror_meet(__constant Scene *scene, realv x0, realv y0, realv p, r
     const vec3v base = *point;
     const vec3v base_normal = surface_normal(mirror, base);
     const realv approach = base_normal.z / (base_normal.z + p * base_normal.x + q * base_normal.y);
-    realv slope_x, slope_y;
+    realv height, slope_x, slope_y;
     for (int step = 0; step < mirror->newton_steps; ++step) {
-        const realv height = zernike_deviation(&scene->zernike, point->x, point->y, &slope_x, &slope_y);
+        height = zernike_deviation(&scene->zernike, point->x, point->y, &slope_x, &slope_y);
         const realv dz = height * approach;
         *point = (vec3v){base.x + p * dz, base.y + q * dz, base.z + dz};
     }
-    *normal = surface_normal(mirror, *point);
+    *normal = surface_normal(mirror, (vec3v){point->x, point->y, point->z - height});   // the design's, under the point
     normal->x -= slope_x * normal->z;
     normal->y -= slope_y * normal->z;
     return met & aperture_contains(mirror, *point);
