@@ -8,7 +8,7 @@
 Map of the files, in layers; a file imports only from files above it:
 
     geometry, zernike, zonal                              mathematics
-    scene, presets, surface, calibration                  what is tested, with what, and its chief rays
+    checked, scene, presets, surface, calibration         what is tested, with what, and its chief rays
     interface, device, program, execution                 OpenCL: no other file imports pyopencl
     samplers, packing, transport, trace                   scene + device -> Transport
     images, patterns                                      Transport -> image stack

@@ -1,0 +1,193 @@
+"""The package's structure, read from its source: one-way imports, what each layer may know, sizes."""
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "irtscots_cl"
+
+# Every module of the package, in order: each may import only modules before it.
+MATHEMATICS = ("geometry", "zernike", "zonal")
+DESCRIPTION = ("checked", "scene", "presets", "surface", "scatter", "calibration")
+DEVICE = ("interface", "device", "program", "execution")
+TRACING = ("samplers", "packing", "transport", "trace", "analytic")
+IMAGING = ("images", "patterns", "detector")
+MEASURING = ("lightcurves", "centroids", "phase", "slopes", "reconstruction", "prediction")
+ASSEMBLY = ("comparison", "files", "report", "plots", "studies", "pipeline", "cli", "__main__")
+ORDER = MATHEMATICS + DESCRIPTION + DEVICE + TRACING + IMAGING + MEASURING + ASSEMBLY
+
+MAY_IMPORT_PYOPENCL = {"device", "program", "execution"}
+WITHOUT_NUMPY = {"__init__", "checked", "scene", "presets", "cli", "__main__"}  # so that they start fast
+ONLY_FROM = {
+    "surface": {"geometry", "zernike"},
+    "calibration": {"scene", "surface", "geometry"},
+    "presets": {"checked", "scene"},
+    "scene": {"checked"},
+}
+# What knows the true surface. The measuring half gets images and the nominal scene.
+KNOWS_TRUTH = {"trace", "transport", "packing", "samplers", "device", "program", "execution"}
+
+MAX_FILE_LINES = 400
+MAX_FUNCTION_LINES = 60
+MAX_KERNEL_LINES = 250
+
+# A package such as studies/ counts as one module.
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+
+
+def module_of(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"), str(path))
+
+
+def imported(path: Path, node: ast.AST) -> list[str]:
+    """Dotted absolute names that an import statement may bind or load; [] for any other node."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if not isinstance(node, ast.ImportFrom):
+        return []
+    base = node.module or ""
+    if node.level:
+        folder = path.parent.relative_to(ROOT).parts
+        base = ".".join([*folder[: len(folder) - node.level + 1], *filter(None, [node.module])])
+    # `from irtscots_cl import zonal` loads the module irtscots_cl.zonal
+    return [f"{base}.{alias.name}" for alias in node.names] if base == "irtscots_cl" else [base]
+
+
+def imports(path: Path) -> set[str]:
+    """All that a file imports, at its top or inside functions."""
+    return {name for node in ast.walk(tree_of(path)) for name in imported(path, node)}
+
+
+def imports_at_start(path: Path) -> set[str]:
+    """What importing the file imports at once: not what its functions import."""
+
+    def outside_functions(node: ast.AST):
+        yield node
+        for child in ast.iter_child_nodes(node):
+            if not isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+                yield from outside_functions(child)
+
+    return {name for node in outside_functions(tree_of(path)) for name in imported(path, node)}
+
+
+def own(names: set[str]) -> set[str]:
+    """Those of the names that are modules of the package, without its name."""
+    return {name.split(".")[1] for name in names if name.startswith("irtscots_cl.")}
+
+
+def third_party(names: set[str]) -> set[str]:
+    return {name.split(".")[0] for name in names} - {"irtscots_cl"}
+
+
+def test_modules_are_found_and_have_a_place():
+    modules = {module_of(path) for path in SOURCES}
+    assert {"geometry", "scene", "device", "trace"} <= modules  # or the tests below look at nothing
+    assert modules - {"__init__"} <= set(ORDER), "give a new module its place in ORDER"
+
+
+def test_imports_are_read():
+    source = "from .scene import A\nfrom irtscots_cl import zonal\ndef f():\n    import pyopencl.array\n"
+    path = PACKAGE / "sample.py"
+    tree = ast.parse(source)
+    names = {name for node in ast.walk(tree) for name in imported(path, node)}
+    assert own(names) == {"scene", "zonal"}
+    assert third_party(names) == {"pyopencl"}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_go_one_way(path):
+    module = module_of(path)
+    if module == "__init__":
+        assert own(imports(path)) == set()  # its names are resolved lazily
+        return
+    before = set(ORDER[: ORDER.index(module)])
+    wrong = own(imports(path)) - before - {module}
+    assert not wrong, f"{module} imports {sorted(wrong)}, which do not come before it"
+
+
+@pytest.mark.parametrize("module", ONLY_FROM)
+def test_description_knows_only_what_it_needs(module):
+    assert own(imports(PACKAGE / f"{module}.py")) <= ONLY_FROM[module]
+
+
+def test_only_the_device_layer_imports_pyopencl():
+    found = {module_of(path) for path in SOURCES if "pyopencl" in third_party(imports(path))}
+    assert found == MAY_IMPORT_PYOPENCL
+
+
+def test_modules_that_start_fast_do_not_import_numpy():
+    modules = {module_of(path): path for path in SOURCES if module_of(path) in WITHOUT_NUMPY}
+    for module, path in modules.items():
+        loaded = closure(module)
+        heavy = {"numpy", "scipy", "skimage", "h5py", "matplotlib", "pyopencl"}
+        names = third_party(imports_at_start(path)).union(*(third_party(imports_at_start(p)) for p in files_of(loaded)))
+        assert not names & heavy, f"{module} loads {sorted(names & heavy)} at import"
+
+
+def files_of(modules: set[str]) -> list[Path]:
+    return [path for path in SOURCES if module_of(path) in modules]
+
+
+def closure(module: str) -> set[str]:
+    """Modules of the package that importing `module` loads, through others too."""
+    seen, todo = set(), [module]
+    while todo:
+        for path in files_of({todo.pop()}):
+            new = own(imports_at_start(path)) - seen
+            seen |= new
+            todo += new
+    return seen
+
+
+def test_measuring_half_never_sees_the_true_surface():
+    measuring = [path for path in SOURCES if module_of(path) in MEASURING]
+    assert measuring
+    for path in measuring:
+        wrong = own(imports(path)) & KNOWS_TRUTH
+        assert not wrong, f"{path.name} imports {sorted(wrong)}"
+
+
+def test_measuring_half_needs_no_device():
+    """A lab's images are measured without OpenCL: not even through other modules is it imported."""
+    for module in {module_of(path) for path in SOURCES} & set(MEASURING):
+        assert not closure(module) & (KNOWS_TRUTH - {"transport"}), module
+
+
+def test_package_imports_no_tests_and_reads_nothing_outside():
+    outside = re.compile(r"\btests\b|\.\./|\bshared/")
+    for path in SOURCES:
+        assert not third_party(imports(path)) & {"tests", "oracle", "conftest", "pytest", "hypothesis"}, path.name
+        strings = (n.value for n in ast.walk(tree_of(path)) if isinstance(n, ast.Constant) and isinstance(n.value, str))
+        assert not [text for text in strings if outside.search(text)], path.name
+
+
+def test_oracle_does_not_import_the_package():
+    for path in (ROOT / "tests" / "oracle").rglob("*.py"):
+        assert not any(name.split(".")[0] == "irtscots_cl" for name in imports(path)), path.name
+
+
+def test_sizes():
+    too_long = []
+    for path in SOURCES:
+        lines = len(path.read_text(encoding="utf-8").splitlines())
+        if lines > MAX_FILE_LINES:
+            too_long.append(f"{path.name}: {lines} lines")
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+                length = node.end_lineno - node.lineno + 1
+                if length > MAX_FUNCTION_LINES:
+                    too_long.append(f"{path.name}: {node.name} has {length} lines")
+    for path in sorted((ROOT / "kernels").glob("*.cl")):
+        lines = len(path.read_text(encoding="ascii").splitlines())
+        if lines > MAX_KERNEL_LINES:
+            too_long.append(f"{path.name}: {lines} lines")
+    assert not too_long, "\n".join(too_long)

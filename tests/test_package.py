@@ -1,0 +1,73 @@
+"""The package's public names: complete, lazy, and functions where a module has the same name."""
+
+import subprocess
+import sys
+
+import pytest
+
+import irtscots_cl as irt
+
+
+def run_python(code: str) -> str:
+    """What a fresh interpreter prints; sys.path[0] is the working directory as with python -m."""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
+    assert result.returncode == 0, result.stderr
+    return result.stdout.strip()
+
+
+@pytest.mark.parametrize("name", sorted(irt.__all__))
+def test_every_public_name_resolves(name):
+    assert name in dir(irt)
+    assert getattr(irt, name) is getattr(irt, name)
+
+
+def test_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="'irtscots_cl' has no attribute 'sphere'"):
+        irt.sphere  # noqa: B018
+
+
+def test_version_is_a_version():
+    assert irt.__version__[0].isdigit()
+
+
+@pytest.mark.parametrize("first", ["", "import irtscots_cl.trace, irtscots_cl.zernike; ",
+                                   "from irtscots_cl import trace, zernike; ",
+                                   "from irtscots_cl.trace import place_windows; import irtscots_cl.zernike as z; "])
+@pytest.mark.parametrize("then", ["", "import irtscots_cl.trace, irtscots_cl.zernike; "])
+def test_trace_and_zernike_are_functions_whoever_imports_first(first, then):
+    code = (f"{first}import irtscots_cl as irt; irt.zernike; irt.trace; {then}"
+            "import types; print(isinstance(irt.trace, types.FunctionType), irt.zernike(11, 0.0, 0.0))")
+    is_function, value = run_python(code).split()
+    assert is_function == "True"
+    assert float(value) == pytest.approx(5**0.5, rel=1e-12)  # Noll 11, spherical, at the centre; rounding
+
+
+def test_modules_of_the_same_name_are_importable():
+    code = ("import sys, irtscots_cl.trace; from irtscots_cl.trace import plan_launches, trace; "
+            "print(sys.modules['irtscots_cl.trace'].trace is trace)")
+    assert run_python(code) == "True"
+
+
+@pytest.mark.parametrize("code", [
+    "import irtscots_cl",
+    "import irtscots_cl; dir(irtscots_cl); irtscots_cl.__version__",
+])
+def test_import_loads_nothing_heavy(code):
+    loaded = run_python(f"{code}; import sys; print(*sys.modules)").split()
+    assert "irtscots_cl" in loaded
+    heavy = {"numpy", "scipy", "skimage", "pyopencl", "matplotlib", "h5py", "pydantic", "rich", "jinja2"}
+    assert not heavy & set(loaded)
+
+
+def test_listing_the_scenes_needs_no_numpy():
+    code = "from irtscots_cl.cli import main; code = main(['scenes']); import sys; print(code, *sys.modules)"
+    code, *loaded = run_python(code).splitlines()[-1].split()
+    assert code == "0"
+    assert "irtscots_cl.cli" in loaded
+    assert not {"numpy", "scipy", "pyopencl", "matplotlib", "h5py", "rich"} & set(loaded)
+
+
+def test_loading_a_scene_needs_no_numpy():
+    loaded = run_python("import irtscots_cl as irt; irt.load_scene('sphere'); import sys; print(*sys.modules)").split()
+    assert "pydantic" in loaded
+    assert not {"numpy", "scipy", "pyopencl", "matplotlib", "h5py"} & set(loaded)

@@ -1,0 +1,56 @@
+# Sourced by tools/run, tools/test and .ci/run: makes .venv and installs the package into it where needed.
+# Sets root, the repository's folder, and venv_python. Messages go to stderr.
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+venv=$root/.venv
+venv_python=$venv/bin/python
+
+fail() {
+    echo "$(basename "$0"): $1" >&2
+    exit 1
+}
+
+is_new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
+
+# The interpreter to make .venv with: $PYTHON, or the first on the path that is new enough.
+find_python() {
+    local candidate
+    for candidate in ${PYTHON:-python3 python3.14 python3.13 python3.12 python3.11}; do
+        if is_new_enough "$candidate"; then
+            echo "$candidate"
+            return
+        fi
+    done
+    fail "needs Python 3.11 or newer, found $("${PYTHON:-python3}" --version 2>&1 | head -n 1); set PYTHON to another"
+}
+
+make_venv() {
+    local python
+    python=$(find_python)
+    echo "creating .venv with $("$python" --version)" >&2
+    local said
+    if ! said=$("$python" -m venv "$venv" 2>&1); then
+        rm -rf "$venv"
+        fail "cannot create .venv: ${said##*$'\n'} (on Debian and Ubuntu: apt install python3-venv)"
+    fi
+}
+
+# Installs the package, editable, with the given extra ("" or "test"), unless that was done for this pyproject.toml.
+ensure_installed() {
+    local extra=$1 wanted log
+    [ -x "$venv_python" ] || { rm -rf "$venv"; make_venv; }
+    wanted="$root $("$venv_python" --version) $(cksum <"$root/pyproject.toml")"
+    if [ "$wanted" = "$(cat "$venv/.installed-${extra:-run}" 2>/dev/null)" ] ||
+        [ "$wanted" = "$(cat "$venv/.installed-test" 2>/dev/null)" ]; then
+        return
+    fi
+    is_new_enough "$venv_python" || fail ".venv has $("$venv_python" --version), needs 3.11 or newer; delete .venv"
+    echo "installing irtscots-cl into .venv" >&2
+    log=$venv/install.log
+    if ! "$venv_python" -m pip install --quiet --no-input --disable-pip-version-check \
+        --editable "$root${extra:+[$extra]}" </dev/null >"$log" 2>&1; then
+        cat "$log" >&2
+        fail "pip could not install the package; its messages are above and in .venv/install.log"
+    fi
+    echo "$wanted" >"$venv/.installed-${extra:-run}"
+}
