@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 from irtscots_cl.presets import load_scene, preset_names, preset_text
-from irtscots_cl.scene import SceneError
+from irtscots_cl.scene import Scene, SceneError
 
 EXIT_BAD_INPUT = 2
 EXIT_NO_DEVICE = 3
@@ -20,7 +23,15 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns the exit code. Every expected failure is one line on stderr."""
     options = _parser().parse_args(arguments)
     try:
-        return options.command(options)
+        with warnings.catch_warnings():
+            # drivers comment on kernels that they did build: nothing that a user could act on
+            warnings.filterwarnings("ignore", "Non-empty compiler output|.*non-empty logs")
+            code = options.command(options)
+            sys.stdout.flush()
+            return code
+    except BrokenPipeError:  # whoever read the output has seen enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except (SceneError, ValueError, OSError) as error:
         return _fail(error, EXIT_BAD_INPUT)
     except KeyboardInterrupt:
@@ -36,8 +47,14 @@ def _fail(message: object, code: int) -> int:
     return code
 
 
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """One line, as every other refusal: no usage above it."""
+        self.exit(EXIT_BAD_INPUT, f"irtscots: {message}; see {self.prog} --help\n")
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="irtscots",
         description="Simulate a SCOTS deflectometry test of a mirror and measure the mirror from the simulated images.",
     )
@@ -58,15 +75,27 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="preset name (see `irtscots scenes`) or path of a TOML file")
 
 
+def _visible_scene(name_or_path: str) -> Scene:
+    """A scene that can be traced; refused under the name that the user gave it."""
+    scene = load_scene(name_or_path)
+    from irtscots_cl.calibration import Calibration, check_visible
+
+    check_visible(Calibration(scene), name_or_path)
+    return scene
+
+
 def _add_trace_choices(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--estimator",
         default="adjoint",
         metavar="E",
-        help="forward (rays leave the screen) or adjoint (rays leave the detector); default adjoint",
+        help="forward (rays leave the screen, as in the paper) or adjoint (rays leave the detector: less noise); "
+        "default adjoint",
     )
-    parser.add_argument("--sampler", default="philox", metavar="S", help="philox (independent random numbers)")
-    parser.add_argument("--precision", default="fp32", metavar="P", help="fp32 (default) or fp64")
+    parser.add_argument("--sampler", default="philox", metavar="S", help="philox (independent random numbers; default)")
+    parser.add_argument(
+        "--precision", default="fp32", metavar="P", help="fp32 or fp64 arithmetic on the device; default fp32"
+    )
     parser.add_argument(
         "--device",
         metavar="D",
@@ -111,7 +140,7 @@ def _add_run(commands) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    scene = load_scene(options.scene)
+    scene = _visible_scene(options.scene)
     from irtscots_cl.files import check_output_folder
 
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
@@ -168,8 +197,8 @@ def _print_tables(tables) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    # not a terminal: no wrapping to its guess of 80 columns
-    console = Console() if sys.stdout.isatty() else Console(width=160)
+    # Not a terminal: no wrapping to its guess of 80 columns. No markup: it would take [nm] for a style.
+    console = Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False, highlight=False)
     for table in tables:
         shown = Table(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, show_header=any(table.head))
         for k, head in enumerate(table.head):
@@ -235,7 +264,7 @@ def _add_kernel(commands) -> None:
 
 
 def _kernel(options: argparse.Namespace) -> int:
-    scene = load_scene(options.scene)
+    scene = _visible_scene(options.scene)
     from irtscots_cl.device import select_device
     from irtscots_cl.trace import source_for
 
@@ -293,8 +322,9 @@ def _reconstruct(options: argparse.Namespace) -> int:
     if options.json:
         _print_json(facts)
     else:
-        for key, value in facts.items():
-            print(f"{key.replace('_', ' '):28} {value:.6g}")
+        from irtscots_cl.report import measured_table
+
+        _print_tables([measured_table(facts)])
         print(f"results in {folder}")
     return 0
 

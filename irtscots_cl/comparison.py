@@ -10,7 +10,7 @@ from irtscots_cl.images import jackknife_error
 from irtscots_cl.reconstruction import Reconstruction
 from irtscots_cl.scene import Scene
 from irtscots_cl.surface import Surface
-from irtscots_cl.zernike import index_to_nm, nm_to_noll, zernike_fit
+from irtscots_cl.zernike import index_to_nm, nm_to_noll, zernike
 from irtscots_cl.zonal import remove_terms, rms
 
 HEIGHT_TERMS = ("piston", "piston_tilt", "piston_tilt_power")  # what is removed before a height error is stated
@@ -98,23 +98,24 @@ def _estimate(values: list[float]) -> Estimate:
 
 
 def _zernike_rows(result: Reconstruction, scene: Scene) -> tuple[ZernikeRow, ...]:
-    """Noll terms 1 to FITTED_NOLL and all of the scene's, fitted together by least squares over the mask."""
+    """Noll terms 1 to FITTED_NOLL and all of the scene's, fitted together by least squares over the mask.
+
+    None where the pixels are too few to tell the terms apart.
+    """
     given: dict[int, float] = {}
     for terms in scene.mirror.zernike:
         for index, value in terms.coefficients_um.items():
             noll = nm_to_noll(*index_to_nm(index, terms.ordering))
             given[noll] = given.get(noll, 0.0) + value
     indices = sorted(set(range(1, FITTED_NOLL + 1)) | set(given))
-    if len(indices) > result.pixels_used:
-        return ()
     radius = scene.mirror.zernike[0].radius_mm if scene.mirror.zernike else scene.mirror.diameter_mm / 2
-    mask = result.mask
-    fits = np.array(
-        [
-            zernike_fit(result.x_mm[mask] / radius, result.y_mm[mask] / radius, deviation[mask] * 1e3, indices)
-            for deviation in result.estimates("deviation_mm")
-        ]
-    )
+    x, y = result.x_mm[result.mask] / radius, result.y_mm[result.mask] / radius
+    basis = np.stack([zernike(noll, x, y) for noll in indices], axis=1)
+    maps_um = result.estimates("deviation_mm")[:, result.mask] * 1e3
+    fits, _, rank, _ = np.linalg.lstsq(basis, maps_um.T)
+    if rank < len(indices):
+        return ()
+    fits = fits.T
     errors = jackknife_error(fits)
     return tuple(
         ZernikeRow(noll, given.get(noll, 0.0), float(fits[0, i]), float(errors[i])) for i, noll in enumerate(indices)

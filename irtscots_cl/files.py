@@ -113,7 +113,7 @@ def read_images(path: Path) -> ImageStack:
     try:
         with h5py.File(path, "r") as file:
             return ImageStack(*(_read_scan(file, path, axis) for axis in ("x", "y")))
-    except OSError as error:
+    except (OSError, RuntimeError) as error:  # h5py tells of broken files and of endless links by either
         raise ValueError(f"{path}: not a readable HDF5 file: {str(error).splitlines()[0]}") from None
 
 
@@ -121,7 +121,7 @@ def _read_scan(file: h5py.File, path: Path, axis: str) -> Scan:
     found = []
     for name in (f"images/{axis}", f"lines/{axis}_mm"):
         data = file.get(name)
-        if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu":
+        if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu" or data.shape is None:
             raise ValueError(f"{path}: /{name}: missing or not a numeric dataset; must be as `irtscots run` writes it")
         if data.size > MAX_IMAGE_VALUES:
             raise ValueError(f"{path}: /{name}: {data.size} values; at most {MAX_IMAGE_VALUES} are read")

@@ -71,7 +71,7 @@ class Scan:
     def from_images(cls, axis: str, positions_mm: np.ndarray, images_w: np.ndarray) -> Scan:
         """A scan from whole images [lines, rows, columns] or [exposures, lines, rows, columns].
 
-        Raises ValueError for other shapes, positions that do not fit, or values that are not finite.
+        Raises ValueError for other shapes, positions that do not fit or do not grow, or values that are not finite.
         """
         images = np.asarray(images_w, float)
         images = images[None] if images.ndim == 3 else images
@@ -87,6 +87,8 @@ class Scan:
             )
         if not (np.isfinite(images).all() and np.isfinite(positions).all()):
             raise ValueError(f"images or line positions of the {axis} scan hold values that are not finite")
+        if not (np.diff(positions) > 0).all():
+            raise ValueError(f"the line positions of the {axis} scan must grow from line to line")
         count = images.shape[2] * images.shape[3]
         return cls(
             axis,

@@ -15,7 +15,7 @@ class Flag(IntEnum):
     """Why a light curve is not used."""
 
     GOOD = 0
-    EMPTY = 1  # no light at all
+    EMPTY = 1  # no light at all, or none without one of the replicates
     CLIPPED = 2  # reaches past the screen's first or last line: its centroid would be wrong
 
 
@@ -35,7 +35,7 @@ def flag_curves(scan: Scan, curves_w: np.ndarray, centroid_mm: np.ndarray, reach
     the design's geometry. A curve is clipped if its first or last line on the screen is lit and its light reaches past
     it by more than EDGE_TOLERANCE: less shifts the centroid by no more than the sampling by lines does anyway.
     """
-    pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else np.inf
+    pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else 0.0  # one line holds no curve whole
     first, last = scan.positions_mm[0] - pitch / 2, scan.positions_mm[-1] + pitch / 2
     lit = curves_w > 0
     lit_edge = (lit & ((scan.lines == 0) | (scan.lines == len(scan.positions_mm) - 1))).any(-1)

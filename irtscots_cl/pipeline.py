@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from irtscots_cl.comparison import Comparison, compare
+from irtscots_cl.comparison import HEIGHT_TERMS, Comparison, compare
 from irtscots_cl.device import Device
 from irtscots_cl.files import check_output_folder, write_json, write_result
 from irtscots_cl.images import ImageStack
@@ -78,8 +78,11 @@ def write_run(run: Run, folder: Path) -> None:
     write_json(folder / "report.json", report)
 
 
-def measure(stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 0.0) -> dict[str, float]:
-    """Measure a mirror from images alone; writes result.h5 and figures and returns the main figures of the result."""
+def measure(stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 0.0) -> dict:
+    """Measure a mirror from images alone, without a truth to compare with.
+
+    Writes result.h5 and figures into the folder and returns the main facts, named as in report.json.
+    """
     from irtscots_cl.plots import write_figures
 
     result = reconstruct(stack, nominal, threshold=threshold)
@@ -87,8 +90,11 @@ def measure(stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 
     attributes = {"scene": nominal.to_toml()} | {f"version {name}": value for name, value in versions().items()}
     write_result(folder / "result.h5", stack, result, attributes)
     write_figures(folder / "figures", stack, result, None)
-    facts: dict[str, float] = {"pixels_used": result.pixels_used}
-    for terms in ("piston", "piston_tilt", "piston_tilt_power"):
-        left = remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, terms)
-        facts[f"deviation_nm_rms_{terms}"] = rms(left, result.mask) * 1e6
-    return facts
+    left = {t: remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, t) for t in HEIGHT_TERMS}
+    deviation = {terms: rms(height, result.mask) * 1e6 for terms, height in left.items()}
+    return {
+        "scene": nominal.name,
+        "pixels_used": result.pixels_used,
+        "light_curves_refused": result.refused(),
+        "deviation_nm_rms": deviation,
+    }

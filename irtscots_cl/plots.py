@@ -33,7 +33,7 @@ def write_figures(folder: Path, stack: ImageStack, result: Reconstruction, compa
 
 
 def image_figure(stack: ImageStack) -> Figure:
-    """Camera images under the third and the middle line of each scan."""
+    """Camera images under a line at a third and one in the middle of each scan."""
     figure = Figure(figsize=(10, 8.5), layout="constrained")
     for row, scan in zip(figure.subplots(2, 2), (stack.x, stack.y), strict=True):
         count = len(scan.positions_mm)

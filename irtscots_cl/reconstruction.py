@@ -14,16 +14,17 @@ from irtscots_cl.scene import Scene
 from irtscots_cl.slopes import half_vector_slopes
 from irtscots_cl.zonal import integrate_slopes, remove_terms
 
-HEIGHT_ROUNDS = 2  # slopes, height, slopes, height: a third round changes less than 1e-3 nm on a deviation of 1 um
+HEIGHT_ROUNDS = 2  # slopes, height, slopes, height: a third round changes less than 0.01 nm on a deviation of 1 um
 
 
 @dataclass(frozen=True)
 class Reconstruction:
     """A measured surface on the detector's grid [rows, columns]; NaN outside the mask. Mirror frame.
 
-    x_mm, y_mm: mirror points. mask: pixels used. flags: lightcurves.Flag of the worse of the two scans (pixels without
-    a light curve: EMPTY). centroid_x_mm, centroid_y_mm: in the screen's frame. slope_x, slope_y [rad]: of the whole
-    surface. height_mm: design plus deviation; deviation_mm: from the design, mean zero over the mask.
+    x_mm, y_mm: mirror points. on_mirror: pixels that see enough of the mirror; mask: those of them that are used.
+    flags: lightcurves.Flag of the worse of the two scans (pixels without a light curve: EMPTY). centroid_x_mm,
+    centroid_y_mm: in the screen's frame. slope_x, slope_y [rad]: of the whole surface. height_mm: design plus
+    deviation; deviation_mm: from the design, mean zero over the mask.
     jackknife_*: [replicates, rows, columns], the same with one replicate left out in turn, for error bars.
     """
 
@@ -31,6 +32,7 @@ class Reconstruction:
     method: str
     x_mm: np.ndarray = field(repr=False)
     y_mm: np.ndarray = field(repr=False)
+    on_mirror: np.ndarray = field(repr=False)
     mask: np.ndarray = field(repr=False)
     flags: np.ndarray = field(repr=False)
     centroid_x_mm: np.ndarray = field(repr=False)
@@ -46,6 +48,10 @@ class Reconstruction:
     @property
     def pixels_used(self) -> int:
         return int(self.mask.sum())
+
+    def refused(self) -> dict[str, int]:
+        """How many of the pixels on the mirror have a light curve that cannot be used, by the flag's name."""
+        return {flag.name.lower(): int(np.sum(self.on_mirror & (self.flags == flag))) for flag in Flag if flag}
 
     def estimates(self, name: str) -> np.ndarray:
         """ "slope_x", "slope_y" or "deviation_mm" [1 + replicates, rows, columns]: the result, then the jackknife's."""
@@ -83,8 +89,10 @@ def reconstruct(
     centroid_y, flag_y = _measured(calibration, stack.y, threshold)
     flags = np.maximum(flag_x, flag_y)
     footprint = calibration.footprint
-    mask = (footprint.coverage >= min_coverage) & (flags == Flag.GOOD)
-    mask &= np.isfinite(centroid_x + centroid_y).all(0)
+    on_mirror = footprint.coverage >= min_coverage
+    # where all light is in one replicate, leaving that one out leaves none
+    flags[(flags == Flag.GOOD) & ~np.isfinite(centroid_x + centroid_y).all(0)] = Flag.EMPTY
+    mask = on_mirror & (flags == Flag.GOOD)
     if not mask.any():
         raise ValueError(
             "no detector pixel has a usable light curve in both scans: the images are dark, clipped by "
@@ -98,6 +106,7 @@ def reconstruct(
         method,
         x_mm,
         y_mm,
+        on_mirror,
         mask,
         flags,
         np.where(mask, centroid_x[0], np.nan),

@@ -7,11 +7,8 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from pathlib import Path
 
-import numpy as np
-
 from irtscots_cl.comparison import Comparison, Estimate
 from irtscots_cl.files import write_text
-from irtscots_cl.lightcurves import Flag
 from irtscots_cl.prediction import PredictedError
 from irtscots_cl.reconstruction import Reconstruction
 from irtscots_cl.transport import Transport
@@ -46,7 +43,6 @@ def build_report(
 ) -> dict:
     """The contents of report.json. seconds: build, trace, reconstruct, total."""
     height = {key: estimate.value for key, estimate in comparison.height_error_nm.items()}
-    flags = {flag.name.lower(): int(np.sum(result.flags == flag)) for flag in Flag if flag != Flag.GOOD}
     return {
         "scene": transport.scene.name,
         "device": transport.device,
@@ -63,7 +59,7 @@ def build_report(
         "seconds": seconds,
         "ledger": transport.ledger,
         "pixels_used": comparison.pixels_used,
-        "light_curves_refused": flags,
+        "light_curves_refused": result.refused(),
         "slope_error_urad_rms": {axis: e.value for axis, e in comparison.slope_error_urad.items()},
         "slope_error_urad_rms_standard_error": {a: e.standard_error for a, e in comparison.slope_error_urad.items()},
         "height_error_nm_rms": height,
@@ -117,7 +113,7 @@ def summary_tables(report: dict) -> list[Table]:
 
 
 def _run_table(report: dict) -> Table:
-    seconds, ledger = report["seconds"], report["ledger"]
+    seconds, ledger, refused = report["seconds"], report["ledger"], report["light_curves_refused"]
     fates = ", ".join(
         f"{name.replace('_', ' ')} {count:,}" for name, count in ledger.items() if count and name != "launched"
     )
@@ -129,9 +125,21 @@ def _run_table(report: dict) -> Table:
             ("rays/s", f"{report['rays_per_second'] / 1e6:.1f} M"),
             ("seconds", ", ".join(f"{name} {value:.2f}" for name, value in seconds.items())),
             ("ledger", fates),
-            ("pixels used", f"{report['pixels_used']:,}"),
+            ("pixels used", pixels_text(report["pixels_used"], refused)),
         ],
     )
+
+
+def measured_table(facts: dict) -> Table:
+    """What pipeline.measure found in a lab's images."""
+    rows = [("pixels used", pixels_text(facts["pixels_used"], facts["light_curves_refused"]))]
+    rows += [(f"without {terms.replace('_', ', ')} [nm]", f"{v:.4g}") for terms, v in facts["deviation_nm_rms"].items()]
+    return Table("Deviation from the design, rms", ("", ""), rows)
+
+
+def pixels_text(used: int, refused: dict[str, int]) -> str:
+    """Pixels used and, where there are any, those on the mirror whose light curves were refused."""
+    return ", ".join([f"{used:,}", *(f"not used: {count:,} {name}" for name, count in refused.items() if count)])
 
 
 def _error_table(report: dict) -> Table:
@@ -157,7 +165,7 @@ def _error_table(report: dict) -> Table:
             if terms == "piston_tilt"
             else [""] * 3
         )
-        rows.append((f"height less {terms.replace('_', ', ')} [nm]", str(estimate), *parts))
+        rows.append((f"height without {terms.replace('_', ', ')} [nm]", str(estimate), *parts))
     return Table("Error, rms over the pixels used", ("", "actual", "predicted", "ray noise", "line sampling"), rows)
 
 

@@ -1,0 +1,67 @@
+"""Which samples of a light curve count, and which curves can be used."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from irtscots_cl.images import Scan
+from irtscots_cl.lightcurves import EDGE_TOLERANCE, Flag, effective_screen_pixels, flag_curves
+
+POSITIONS = np.array([-0.4, -0.2, 0.0, 0.2, 0.4])  # the screen's edges are at -0.5 and 0.5 mm
+
+
+def flag(curve, centroid_mm, reach_mm, first_line=0, positions=POSITIONS) -> Flag:
+    curve = np.array([curve], float)
+    scan = Scan(
+        "x", positions, (1, 1), np.array([0]), np.array([first_line]), curve[None], np.ones(1), np.ones(1)
+    )
+    return Flag(flag_curves(scan, curve, np.array([centroid_mm]), np.array([reach_mm]))[0])
+
+
+def test_samples_above_the_threshold_count():
+    curves = np.array([[0.0, 1e-30, 5.0, 10.0], [0.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 2.0, 1.0]])
+    np.testing.assert_array_equal(effective_screen_pixels(curves), [[0, 1, 1, 1], [0, 0, 0, 0], [0, 0, 1, 1]])
+    np.testing.assert_array_equal(
+        effective_screen_pixels(curves, 0.5), [[0, 0, 0, 1], [0, 0, 0, 0], [0, 0, 1, 0]]
+    )
+    assert effective_screen_pixels(np.zeros((3, 2, 0))).shape == (3, 2, 0)
+
+
+def test_a_curve_inside_the_screen_is_good():
+    assert flag([0, 1, 2, 1, 0], 0.0, 0.3) == Flag.GOOD
+
+
+def test_a_curve_without_light_is_empty_wherever_it_lies():
+    assert flag([0, 0, 0, 0, 0], np.nan, 0.3) == Flag.EMPTY
+    assert flag([0, 0, 0, 0, 0], 0.4, 0.3) == Flag.EMPTY
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_curve_is_clipped_once_its_light_reaches_past_the_last_line(side):
+    curve = [0, 0, 1, 2, 1][::side]
+    assert flag(curve, side * 0.2, 0.295) == Flag.GOOD
+    inside = 0.3 + 0.9 * EDGE_TOLERANCE * 0.2  # past the edge by nine tenths of what is tolerated
+    assert flag(curve, side * 0.2, inside) == Flag.GOOD
+    beyond = 0.3 + 1.1 * EDGE_TOLERANCE * 0.2
+    assert flag(curve, side * 0.2, beyond) == Flag.CLIPPED
+
+
+def test_only_light_on_the_edge_s_line_tells_of_clipping():
+    assert flag([0, 1, 2, 1, 0], 0.0, 0.6) == Flag.GOOD
+
+
+def test_samples_past_the_scan_s_last_line_are_no_edge():
+    assert (
+        flag([0, 1, 2, 0, 0], 0.2, 0.32, first_line=2) == Flag.CLIPPED  # the sample of 2 is line 4, the last
+    )
+    assert flag([1, 2, 0, 0, 0], 0.15, 0.6, first_line=2) == Flag.GOOD  # lines 2 and 3 alone
+
+
+def test_the_edge_is_where_the_scan_s_own_lines_end():
+    assert flag([0, 0, 1, 2, 1], 100.2, 0.295, positions=POSITIONS + 100) == Flag.GOOD
+    assert flag([0, 0, 1, 2, 1], 100.2, 0.35, positions=POSITIONS + 100) == Flag.CLIPPED
+
+
+def test_one_line_alone_tells_no_centroid():
+    assert flag([1.0], 0.0, 0.3, positions=np.array([0.0])) == Flag.CLIPPED
