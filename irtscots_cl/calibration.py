@@ -24,11 +24,15 @@ class Footprint:
     """What the detector pixels see of the mirror.
 
     x_mm, y_mm: the centroid of the part of the pixel's footprint that lies on the mirror (NaN where there is none).
+    u_mm, v_mm: the mean of that part's chief rays on the screen's plane, in the screen's frame. It is not quite where the
+    chief ray of the centroid lands: over a footprint the landing point is not a linear function.
     coverage: that part as a fraction of the footprint.
     """
 
     x_mm: np.ndarray
     y_mm: np.ndarray
+    u_mm: np.ndarray
+    v_mm: np.ndarray
     coverage: np.ndarray
 
 
@@ -106,25 +110,23 @@ class Calibration:
         with np.errstate(invalid="ignore"):
             inside = (of_pixel.max(0) <= rim) & ((hole == 0) | (of_pixel.min(0) > hole + diagonal))
             outside = (of_pixel.min(0) > rim + diagonal) | (of_pixel.max(0) + diagonal < hole)
-        x, y = np.full(self.shape, np.nan), np.full(self.shape, np.nan)
+        maps = np.full((4, *self.shape), np.nan)
         coverage = np.zeros(self.shape)
         for pixels, per_axis in ((inside, 2), (~inside & ~outside, SUBPIXELS)):
-            x[pixels], y[pixels], coverage[pixels] = self._sampled(*np.nonzero(pixels), per_axis, margin_mm)
-        return Footprint(x, y, coverage)
+            maps[:, pixels], coverage[pixels] = self._sampled(*np.nonzero(pixels), per_axis, margin_mm)
+        return Footprint(*maps, coverage)
 
-    def _sampled(self, row, column, per_axis: int, margin_mm: float):
-        """Centroid and covered fraction of the footprints of pixels (row, column) [n], per_axis^2 chief rays each."""
+    def _sampled(self, row, column, per_axis: int, margin_mm: float) -> tuple[np.ndarray, np.ndarray]:
+        """Means of x, y, u, v [4, n] and covered fraction [n] of pixels (row, column) [n], per_axis^2 chief rays each."""
         # two points per axis: the Gauss rule, exact for a footprint's cubic distortion
         step = np.array([-0.5, 0.5]) / np.sqrt(3.0) if per_axis == 2 else (np.arange(per_axis) + 0.5) / per_axis - 0.5
         step_row, step_column = (s.ravel() for s in np.meshgrid(step, step, indexing="ij"))
-        points, _, _ = self.reverse(row[:, None] + step_row, column[:, None] + step_column)
-        with np.errstate(invalid="ignore"):
-            on = self.surface.contains(points[..., 0], points[..., 1], margin_mm)
-        count = on.sum(1)
+        points, u, v = self.reverse(row[:, None] + step_row, column[:, None] + step_column)
         with np.errstate(invalid="ignore", divide="ignore"):
-            x = np.where(on, points[..., 0], 0.0).sum(1) / count
-            y = np.where(on, points[..., 1], 0.0).sum(1) / count
-        return x, y, count / per_axis**2
+            on = self.surface.contains(points[..., 0], points[..., 1], margin_mm)
+            count = on.sum(1)
+            values = np.stack([points[..., 0], points[..., 1], u, v])
+            return np.where(on, values, 0.0).sum(2) / count, count / per_axis**2
 
     @cached_property
     def sees_mirror(self) -> np.ndarray:
