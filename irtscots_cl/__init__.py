@@ -7,21 +7,20 @@
 
 Map of the files, in layers; a file imports only from files above it:
 
-    geometry, zernike, zonal                              mathematics
+    geometry, zernikes, zonal                             mathematics
     checked, scene, presets, surface, calibration         what is tested, with what, and its chief rays
     interface, device, program, execution                 OpenCL: no other file imports pyopencl
-    samplers, packing, transport, trace                   scene + device -> Transport
+    windows, samplers, packing, transport, tracer         scene + device -> Transport
     images, patterns                                      Transport -> image stack
     lightcurves, centroids, slopes, reconstruction,
     prediction                                            image stack -> height; never sees the true surface
-    comparison, files, report, plots, pipeline, cli       assembly
+    comparison, files, report, plots, pipeline, bench,
+    cli                                                   assembly
 
 The kernels are OpenCL C in kernels/: at the top of the repository, inside the package once it is installed.
 """
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import Any
 
 # Public name -> the module that defines it. Nothing is imported before it is asked for: listing the scenes or a
@@ -38,8 +37,8 @@ _PUBLIC = {
     "load_scene": "presets",
     "reconstruct": "reconstruction",
     "select_device": "device",
-    "trace": "trace",
-    "zernike": "zernike",
+    "trace": "tracer",
+    "zernike": "zernikes",
 }
 
 __all__ = ["__version__", *_PUBLIC]
@@ -67,19 +66,3 @@ def _version() -> str:
         return version("irtscots-cl")
     except PackageNotFoundError:  # a source tree on the path
         return "0+uninstalled"
-
-
-class _Package(ModuleType):
-    """This package. `trace` and `zernike` are functions and also the modules that hold them; the function wins.
-
-    The import system binds a submodule as an attribute of its package when it is first imported, by whoever comes
-    first. For a public name that binding is left out, so that `irtscots_cl.trace` is the function at all times. The
-    modules are imported from as usual: `from irtscots_cl.trace import plan_launches`.
-    """
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not (name in _PUBLIC and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package

@@ -92,7 +92,7 @@ def _add_trace_choices(parser: argparse.ArgumentParser) -> None:
         help="forward (rays leave the screen, as in the paper) or adjoint (rays leave the detector: less noise); "
         "default adjoint",
     )
-    parser.add_argument("--sampler", default="philox", metavar="S", help="philox (independent random numbers; default)")
+    parser.add_argument("--sampler", default="philox", metavar="S", help="philox (independent random numbers; default), sobol (Owen-scrambled Sobol points) or lattice (shifted rank-1 lattice)")
     parser.add_argument(
         "--precision", default="fp32", metavar="P", help="fp32 or fp64 arithmetic on the device; default fp32"
     )
@@ -265,10 +265,12 @@ def _add_kernel(commands) -> None:
 
 def _kernel(options: argparse.Namespace) -> int:
     scene = _visible_scene(options.scene)
+    from irtscots_cl.calibration import Calibration
     from irtscots_cl.device import select_device
-    from irtscots_cl.trace import source_for
+    from irtscots_cl.tracer import TraceOptions, Tracer
 
-    source = source_for(scene, select_device(options.device), options.estimator, options.sampler, options.precision)
+    chosen = TraceOptions(options.estimator, options.sampler, options.precision)
+    source = Tracer(Calibration(scene), select_device(options.device), chosen).source
     if options.json:
         _print_json({"options": source.options, "files": source.files, "source": source.text})
     else:

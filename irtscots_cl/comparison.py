@@ -10,7 +10,7 @@ from irtscots_cl.images import jackknife_error
 from irtscots_cl.reconstruction import Reconstruction
 from irtscots_cl.scene import Scene
 from irtscots_cl.surface import Surface
-from irtscots_cl.zernike import index_to_nm, nm_to_noll, zernike
+from irtscots_cl.zernikes import index_to_nm, nm_to_noll, zernike
 from irtscots_cl.zonal import remove_terms, rms
 
 HEIGHT_TERMS = ("piston", "piston_tilt", "piston_tilt_power")  # what is removed before a height error is stated

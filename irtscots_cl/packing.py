@@ -21,7 +21,7 @@ from irtscots_cl.interface import (
     zernike_term_dtype,
 )
 from irtscots_cl.surface import Surface
-from irtscots_cl.zernike import RadialSeries
+from irtscots_cl.zernikes import RadialSeries
 
 RIM_POINTS = 32  # of the mirror, to fit the aim's ellipse
 AIM_MARGIN = 1e-4  # of the ellipse's axes, for what is not an ellipse between the rim points

@@ -46,7 +46,7 @@ class LineScan:
             )
         flux = np.stack([transport.flux_w(r) for r in range(transport.replicates)])
         if self.brightness is not None:
-            flux *= transport.gather(np.asarray(self.brightness))
+            flux *= transport.windows.gather(np.asarray(self.brightness))
         # a scan along x adds up the window's rows, one along y its columns
         return ImageStack(*(self._scan(axis, flux.sum(summed), transport) for axis, summed in (("x", 2), ("y", 3))))
 
@@ -56,8 +56,8 @@ class LineScan:
             axis,
             self.positions_mm(axis),
             (rows, columns),
-            transport.pixels,
-            transport.origins[:, "xy".index(axis)].astype(np.int64),
+            transport.windows.pixels,
+            transport.windows.origins[:, "xy".index(axis)].astype(np.int64),
             flux_w,
             transport.rays.astype(float),
             transport.hits(),

@@ -16,7 +16,7 @@ from irtscots_cl.prediction import predict_error
 from irtscots_cl.reconstruction import Reconstruction, reconstruct
 from irtscots_cl.report import build_report, versions, write_html
 from irtscots_cl.scene import Scene
-from irtscots_cl.trace import trace
+from irtscots_cl.tracer import trace
 from irtscots_cl.transport import Transport
 from irtscots_cl.zonal import remove_terms, rms
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.geometry import Quadric
-from irtscots_cl.zernike import RadialSeries, evaluate_series, index_to_nm, radial_series
+from irtscots_cl.zernikes import RadialSeries, evaluate_series, index_to_nm, radial_series
 
 
 @dataclass(frozen=True)

@@ -3,34 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from irtscots_cl.interface import WEIGHT_ONE, Fate
 from irtscots_cl.scene import Scene
+from irtscots_cl.windows import Windows
 
 
 @dataclass(frozen=True)
 class Transport:
     """Result of a trace. n: detector pixels that can see the mirror; windows are [rows, columns] of screen pixels.
 
-    pixels: [n] flat detector pixel numbers row * columns + column.
-    origins: [n, 2] first (column, row) of each window.
+    options: tracer.TraceOptions that it was made with. device: Device.describe() of where.
     counts: [replicates, n, window rows, window columns] uint64, ray counts (forward) or summed weights (adjoint).
     unit_w: flux [W] of one count in a run of one ray per stream; broadcasts to [n, window rows, window columns].
     rays: [replicates] rays per stream (screen pixel or detector pixel) of each replicate.
-    ledger: rays by fate; all but "launched" add up to it. rays_total = launched.
+    ledger: rays by fate; all but "launched" add up to it. seconds: build, trace, and the part of it in kernels.
     """
 
     scene: Scene
-    estimator: str
-    sampler: str
-    precision: str
-    seed: int
-    overfill: float
+    options: Any
     device: dict[str, object]
-    pixels: np.ndarray
-    origins: np.ndarray
+    windows: Windows
     counts: np.ndarray = field(repr=False)
     unit_w: np.ndarray = field(repr=False)
     rays: np.ndarray
@@ -53,12 +49,8 @@ class Transport:
 
     def hits(self) -> np.ndarray:
         """Rays [n] that brought light to each detector pixel, of all replicates."""
-        one = WEIGHT_ONE if self.estimator == "adjoint" else 1
+        one = WEIGHT_ONE if self.options.estimator == "adjoint" else 1
         return self.counts.sum((0, 2, 3)) / one
-
-    def gather(self, of_screen: np.ndarray) -> np.ndarray:
-        """Values [rows, columns] of the screen's pixels in the windows [n, window rows, window columns]."""
-        return gather(of_screen, self.origins, *self.counts.shape[2:])
 
     def images(self, pattern):
         """The images under a pattern (patterns.LineScan), without new rays."""
@@ -72,13 +64,6 @@ class Transport:
         for r in range(self.replicates):
             variance += (self.flux_w(r) - mean) ** 2
         return np.sqrt(variance / (self.replicates * (self.replicates - 1)))
-
-
-def gather(of_screen: np.ndarray, origins: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """Values [rows, columns] of the screen in windows of rows x columns at origins [n, 2] (column, row)."""
-    column = origins[:, 0, None, None] + np.arange(columns)
-    row = origins[:, 1, None, None] + np.arange(rows)[:, None]
-    return of_screen[row, column]
 
 
 def ledger_from(counts: np.ndarray, launched: int) -> dict[str, int]:

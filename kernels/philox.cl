@@ -2,13 +2,13 @@
 // as 1, 2, 3; SC'11). The output is a pure function of counter and key: no state anywhere.
 #include "simd_*.cl"
 
-typedef struct { uintv word[4]; } Philox;
+typedef struct { wordv word[4]; } Philox;
 
 INLINE Philox philox4x32_10(Philox counter, uint key0, uint key1) {
     Philox c = counter;
     #pragma unroll
     for (int round = 0; round < 10; ++round) {
-        uintv high0, low0, high1, low1;
+        wordv high0, low0, high1, low1;
         multiply_wide(c.word[0], 0xD2511F53u, &high0, &low0);
         multiply_wide(c.word[2], 0xCD9E8D57u, &high1, &low1);
         c.word[0] = high1 ^ c.word[1] ^ key0;

@@ -1,36 +1,45 @@
 // Types for GPUs: one ray per work-item. The same verbs as simd_vector.cl.
 #include "real_*.cl"
 
-// A helper that is not inlined hands vectors over through memory: half the speed.
-#define INLINE inline __attribute__((always_inline))
+#define INLINE inline
+#define WIDTH 1
 
 typedef REAL real;
 typedef REAL realv;
-typedef int maskv;                        // 0 or 1, as the comparison operators give it
+typedef int maskv;                        // 0 or 1, as comparisons give it
 typedef int intv;
 typedef uint uintv;
+typedef struct { realv x, y, z; } vec3v;
 
-#define WIDTH 1
-#define BLOCK_VECTORS 1                   // nothing to compact: a work-item bins its ray at once
+#define WORD_LANES 1
+typedef uint wordv;
+
+#define BLOCK 1                           // nothing to compact: a work-item bins each ray at once
+#define BLOCK_VECTORS 1
 
 #define to_real(v) ((real)(v))
 #define to_int(v) ((int)(v))
-#define to_uint(v) ((uint)(v))
 #define to_mask(v) ((int)(v))
-
 #define as_intv(v) as_int(v)
 #define as_uintv(v) as_uint(v)
 
-typedef struct { realv x, y, z; } vec3v;
-
 INLINE uintv lane_index(void) { return 0; }
+INLINE wordv word_index(void) { return 0; }
 
 INLINE realv real_sqrt(realv x) { return sqrt(x); }
 
-// masks: the negated sum of masks, as in simd_vector.cl.
-INLINE uint count_lanes(intv masks) { return (uint)(-masks); }
+INLINE intv count_mask(intv counts, maskv mask) { return counts + mask; }
+INLINE uint count_lanes(intv counts) { return (uint)counts; }
 
-INLINE void multiply_wide(uintv a, uint b, uintv *high, uintv *low) {
+INLINE wordv reverse_bits(wordv x) {
+    x = (x >> 1 & 0x55555555u) | (x & 0x55555555u) << 1;
+    x = (x >> 2 & 0x33333333u) | (x & 0x33333333u) << 2;
+    x = (x >> 4 & 0x0f0f0f0fu) | (x & 0x0f0f0f0fu) << 4;
+    x = (x >> 8 & 0x00ff00ffu) | (x & 0x00ff00ffu) << 8;
+    return x >> 16 | x << 16;
+}
+
+INLINE void multiply_wide(wordv a, uint b, wordv *high, wordv *low) {
     *high = mul_hi(a, b);
     *low = a * b;
 }

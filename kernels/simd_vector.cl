@@ -1,40 +1,38 @@
-// Vector types for CPUs: WIDTH rays side by side in one work-item (WIDTH = 4, 8 or 16, HALF = WIDTH / 2: build options).
+// Vector types for CPUs: WIDTH rays side by side in one work-item (a build option: 4, 8 or 16).
 //
-// Only operators and per-lane compiler builtins are used on vectors, never library functions: some CPU drivers ship
+// Only operators and the compiler's own builtins are used on vectors, never library functions: some CPU drivers ship
 // their function library for another instruction set than the one they compile kernels for, and a 512-bit argument
-// then crosses that border by the wrong registers.
+// then crosses that border in the wrong registers. CPU drivers all use Clang, whose vector types these are.
+#pragma clang diagnostic ignored "-Wpsabi"   // for the same reason: no vector ever crosses a call here
 #include "real_*.cl"
 
-// A helper that is not inlined hands vectors over through memory: half the speed.
-#define INLINE inline __attribute__((always_inline))
-
-#define CONCATENATE_(a, b) a##b
-#define CONCATENATE(a, b) CONCATENATE_(a, b)
+#define INLINE inline __attribute__((always_inline))   // a helper that is called gets its vectors through memory
 
 typedef REAL real;
-typedef CONCATENATE(REAL, WIDTH) realv;
-typedef CONCATENATE(MASK, WIDTH) maskv;   // 0 or -1 per lane, as the comparison operators give it
-typedef CONCATENATE(int, WIDTH) intv;
-typedef CONCATENATE(uint, WIDTH) uintv;
-typedef CONCATENATE(ulong, HALF) wide;     // the same register seen as half as many 64-bit lanes
+typedef REAL realv __attribute__((ext_vector_type(WIDTH)));
+typedef MASK maskv __attribute__((ext_vector_type(WIDTH)));   // 0 or -1 per lane, as comparisons give it
+typedef int intv __attribute__((ext_vector_type(WIDTH)));
+typedef uint uintv __attribute__((ext_vector_type(WIDTH)));
+typedef struct { realv x, y, z; } vec3v;
 
-#define BLOCK_VECTORS (512 / WIDTH)       // rays between two compactions: 512, so that a block stays in the L1 cache
+// Random words have their own width: two registers side by side hide the multiplier's latency.
+#define WORD_LANES 16
+typedef uint16 wordv;
+
+// Rays between two compactions. All that is kept of a block (22 KiB) fits the L1 cache.
+#define BLOCK 256
+#define BLOCK_VECTORS (BLOCK / WIDTH)
 
 #define to_real(v) __builtin_convertvector(v, realv)
 #define to_int(v) __builtin_convertvector(v, intv)
-#define to_uint(v) __builtin_convertvector(v, uintv)
 #define to_mask(v) __builtin_convertvector(v, maskv)
+#define as_intv(v) __builtin_astype(v, intv)
+#define as_uintv(v) __builtin_astype(v, uintv)
 
-#define as_intv(v) CONCATENATE(as_int, WIDTH)(v)
-#define as_uintv(v) CONCATENATE(as_uint, WIDTH)(v)
-#define as_wide(v) CONCATENATE(as_ulong, HALF)(v)
+__constant uint lane_numbers[16] __attribute__((aligned(64))) = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
-// Lane numbers 0, 1, ... WIDTH - 1.
-INLINE uintv lane_index(void) {
-    uintv lane;
-    for (int i = 0; i < WIDTH; ++i) ((uint *)&lane)[i] = i;
-    return lane;
-}
+INLINE uintv lane_index(void) { return *(__constant uintv *)lane_numbers; }
+INLINE wordv word_index(void) { return *(__constant wordv *)lane_numbers; }
 
 // Correctly rounded square root: one hardware instruction per register once the compiler has joined the lanes.
 INLINE realv real_sqrt(realv x) {
@@ -43,23 +41,30 @@ INLINE realv real_sqrt(realv x) {
     return root;
 }
 
-typedef struct { realv x, y, z; } vec3v;
+// Counts the set lanes of masks: sums per lane, then over the lanes.
+INLINE intv count_mask(intv counts, maskv mask) { return counts - to_int(mask); }
 
-// How many lanes are set. masks: lane-wise sums of masks, each lane in [-2^31, 0].
-INLINE uint count_lanes(intv masks) {
+INLINE uint count_lanes(intv counts) {
     uint count = 0;
-    for (int i = 0; i < WIDTH; ++i) count -= ((int *)&masks)[i];
+    for (int i = 0; i < WIDTH; ++i) count += ((int *)&counts)[i];
     return count;
+}
+
+// The words' bits in opposite order.
+INLINE wordv reverse_bits(wordv x) {
+    wordv reversed;
+    for (int i = 0; i < WORD_LANES; ++i) ((uint *)&reversed)[i] = __builtin_bitreverse32(((uint *)&x)[i]);
+    return reversed;
 }
 
 // 32 x 32 -> 64 bit products. Even and odd lanes are multiplied apart: that is the hardware's own instruction, while a
 // vector mul_hi would be taken lane by lane.
-INLINE void multiply_wide(uintv a, uint b, uintv *high, uintv *low) {
-    const wide pairs = as_wide(a);
-    const wide factor = (wide)((ulong)b);
-    const wide low_word = (wide)(0xffffffffUL);
-    const wide even = (pairs & low_word) * factor;
-    const wide odd = (pairs >> 32) * factor;
-    *high = as_uintv((even >> 32) | (odd & ~low_word));
-    *low = as_uintv((even & low_word) | (odd << 32));
+INLINE void multiply_wide(wordv a, uint b, wordv *high, wordv *low) {
+    const ulong8 pairs = as_ulong8(a);
+    const ulong8 factor = (ulong8)((ulong)b);
+    const ulong8 low_word = (ulong8)(0xffffffffUL);
+    const ulong8 even = (pairs & low_word) * factor;
+    const ulong8 odd = (pairs >> 32) * factor;
+    *high = as_uint16((even >> 32) | (odd & ~low_word));
+    *low = as_uint16((even & low_word) | (odd << 32));
 }

@@ -3,43 +3,54 @@
 #include "detector.cl"
 #include "accumulate_*.cl"
 
-// A block of rays between its two passes.
+// A block of rays between its passes. Passes are short on purpose: a path is one long chain of dependent operations, and
+// only in a short loop does a processor see enough rays at a time to keep its units busy.
 typedef struct {
-    realv a[BLOCK_VECTORS], b[BLOCK_VECTORS], slope_a[BLOCK_VECTORS], slope_b[BLOCK_VECTORS];
-    maskv through[BLOCK_VECTORS];
-    int index[BLOCK_VECTORS * WIDTH];
-    intv missed, clipped, failed;         // negated lane counts
+    Words words;
+    Line lines[BLOCK_VECTORS];
+    Reflection reflections[BLOCK_VECTORS];
+    Arrival arrivals[BLOCK_VECTORS];
+    int index[BLOCK];
+    intv on_mirror, clipped;              // counts per lane
 } Block;
 
-// First pass, branch-free: all rays of the block to the camera's aperture.
-INLINE void block_trace(Block *block, __constant Scene *scene, const Launch *launch, const Emitter *emitter,
-                        uint stream, ulong first, uint count) {
+// First passes, branch-free: all rays of the block to the camera's aperture.
+INLINE void block_trace(Block *block, __constant Scene *scene, const Emitter *emitter, Sampler *sampler,
+                        ulong first, uint count) {
+    sampler_block(sampler, first, &block->words);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) block->lines[v] = forward_emit(scene, emitter, &block->words, v);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) block->reflections[v] = mirror_reflect(scene, &block->lines[v]);
+    intv on_mirror = block->on_mirror, clipped = block->clipped;
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
         const maskv valid = to_mask(lane_index() + v * WIDTH < count);
-        const PathForward path = path_forward(scene, emitter, sample_words(launch, stream, first + v * WIDTH));
-        block->a[v] = path.a;
-        block->b[v] = path.b;
-        block->slope_a[v] = path.slope_a;
-        block->slope_b[v] = path.slope_b;
-        block->through[v] = valid & path.through;
-        block->missed += to_int(valid & !path.on_mirror);
-        block->clipped += to_int(valid & path.on_mirror & !path.through);
-        block->failed += to_int(valid & path.on_mirror & (path.a != path.a));
+        Arrival at = forward_arrive(scene, &block->reflections[v]);
+        at.through &= valid;
+        on_mirror = count_mask(on_mirror, valid & block->reflections[v].on_mirror);
+        clipped = count_mask(clipped, valid & at.clipped);
+        block->arrivals[v] = at;
     }
+    block->on_mirror = on_mirror;
+    block->clipped = clipped;
 }
 
 // Second pass: only the rays that came through the aperture. Returns how many of them landed on the detector.
 INLINE uint block_detect(Block *block, __constant Scene *scene, Hits *hits, uint *off_detector) {
     int through = 0;
-    for (int j = 0; j < BLOCK_VECTORS * WIDTH; ++j) {
-        block->index[through] = j;
-        through += ((MASK *)block->through)[j] & 1;
+    for (int v = 0; v < BLOCK_VECTORS; ++v) {
+        const intv through_lanes = to_int(block->arrivals[v].through);
+        const int *mask = (const int *)&through_lanes;
+        #pragma unroll
+        for (int lane = 0; lane < WIDTH; ++lane) {
+            block->index[through] = v * WIDTH + lane;
+            through += mask[lane] & 1;
+        }
     }
     uint detected = 0;
     for (int i = 0; i < through; ++i) {
-        const int j = block->index[i];
-        const int pixel = detector_pixel(scene, ((real *)block->a)[j], ((real *)block->b)[j],
-                                         ((real *)block->slope_a)[j], ((real *)block->slope_b)[j]);
+        const int lane = block->index[i] % WIDTH;
+        const Arrival *at = &block->arrivals[block->index[i] / WIDTH];
+        const int pixel = detector_pixel(scene, ((const real *)&at->a)[lane], ((const real *)&at->b)[lane],
+                                         ((const real *)&at->slope_a)[lane], ((const real *)&at->slope_b)[lane]);
         if (pixel < 0) continue;
         hits_add(hits, pixel);
         ++detected;
@@ -60,22 +71,24 @@ __kernel void trace_forward(__constant Scene *scene, const Launch launch, __glob
     const Emitter emitter = emitters[stream];
     Hits hits = {&launch, slots, origins, transport, ledger, tile,
                  stream % launch.screen_columns, stream / launch.screen_columns};
+    Sampler sampler;
+    sampler_begin(&sampler, &launch, stream);
     Block block;
-    block.missed = block.clipped = block.failed = 0;
+    block.on_mirror = block.clipped = 0;
     uint detected = 0, off_detector = 0;
 
     hits_begin(&hits);
-    for (ulong first = begin; first < end; first += BLOCK_VECTORS * WIDTH) {
-        const uint count = (uint)min(end - first, (ulong)(BLOCK_VECTORS * WIDTH));
-        block_trace(&block, scene, &launch, &emitter, stream, first, count);
+    for (ulong first = begin; first < end; first += BLOCK) {
+        const uint count = (uint)min(end - first, (ulong)(BLOCK));
+        block_trace(&block, scene, &emitter, &sampler, first, count);
         detected += block_detect(&block, scene, &hits, &off_detector);
     }
     hits_end(&hits);
 
-    const uint failed = count_lanes(block.failed);
+    const uint on_mirror = count_lanes(block.on_mirror), clipped = count_lanes(block.clipped);
     sum64_add(ledger, FATE_DETECTED, detected);
-    sum64_add(ledger, FATE_MISSED_MIRROR, count_lanes(block.missed));
-    sum64_add(ledger, FATE_CLIPPED, count_lanes(block.clipped) - failed);
+    sum64_add(ledger, FATE_MISSED_MIRROR, (uint)(end - begin) - on_mirror);
+    sum64_add(ledger, FATE_CLIPPED, clipped);
     sum64_add(ledger, FATE_OFF_DETECTOR, off_detector);
-    sum64_add(ledger, FATE_FAILED, failed);
+    sum64_add(ledger, FATE_FAILED, on_mirror - clipped - detected - off_detector);
 }

@@ -3,7 +3,7 @@
 //
 // W = sum over azimuthal orders m of Re[conj(a_m) zeta^m], zeta = (x + i y) / radius, s = |zeta|^2, where a_m's real part
 // (cosine terms) and imaginary part (sine terms) are series sum_k c_k P_k(t) in t = 2 s - 1 with
-// P_{k+1} = (alpha_k t + beta_k) P_k + gamma_k P_{k-1}. The tables come from irtscots_cl/zernike.py.
+// P_{k+1} = (alpha_k t + beta_k) P_k + gamma_k P_{k-1}. The tables come from irtscots_cl/zernikes.py.
 #include "simd_*.cl"
 
 // One azimuthal order's two series and their derivatives by t.

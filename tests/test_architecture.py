@@ -11,25 +11,25 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "irtscots_cl"
 
 # Every module of the package, in order: each may import only modules before it.
-MATHEMATICS = ("geometry", "zernike", "zonal")
+MATHEMATICS = ("geometry", "zernikes", "zonal")
 DESCRIPTION = ("checked", "scene", "presets", "surface", "scatter", "calibration")
 DEVICE = ("interface", "device", "program", "execution")
-TRACING = ("samplers", "packing", "transport", "trace", "analytic")
+TRACING = ("windows", "samplers", "packing", "transport", "tracer", "analytic")
 IMAGING = ("images", "patterns", "detector")
 MEASURING = ("lightcurves", "centroids", "phase", "slopes", "reconstruction", "prediction")
-ASSEMBLY = ("comparison", "files", "report", "plots", "studies", "pipeline", "cli", "__main__")
+ASSEMBLY = ("comparison", "files", "report", "plots", "studies", "pipeline", "bench", "cli", "__main__")
 ORDER = MATHEMATICS + DESCRIPTION + DEVICE + TRACING + IMAGING + MEASURING + ASSEMBLY
 
 MAY_IMPORT_PYOPENCL = {"device", "program", "execution"}
 WITHOUT_NUMPY = {"__init__", "checked", "scene", "presets", "cli", "__main__"}  # so that they start fast
 ONLY_FROM = {
-    "surface": {"geometry", "zernike"},
+    "surface": {"geometry", "zernikes"},
     "calibration": {"scene", "surface", "geometry"},
     "presets": {"checked", "scene"},
     "scene": {"checked"},
 }
 # What knows the true surface. The measuring half gets images and the nominal scene.
-KNOWS_TRUTH = {"trace", "transport", "packing", "samplers", "device", "program", "execution"}
+KNOWS_TRUTH = {"tracer", "transport", "windows", "packing", "samplers", "device", "program", "execution"}
 
 MAX_FILE_LINES = 400
 MAX_FUNCTION_LINES = 60
@@ -90,7 +90,7 @@ def third_party(names: set[str]) -> set[str]:
 
 def test_modules_are_found_and_have_a_place():
     modules = {module_of(path) for path in SOURCES}
-    assert {"geometry", "scene", "device", "trace"} <= modules  # or the tests below look at nothing
+    assert {"geometry", "scene", "device", "tracer"} <= modules  # or the tests below look at nothing
     assert modules - {"__init__"} <= set(ORDER), "give a new module its place in ORDER"
 
 

@@ -12,7 +12,7 @@ from irtscots_cl.presets import load_scene
 from irtscots_cl.reconstruction import Reconstruction
 from irtscots_cl.scene import ZernikeTerms
 from irtscots_cl.surface import Surface
-from irtscots_cl.zernike import zernike
+from irtscots_cl.zernikes import zernike
 
 ROUNDING = 1e-9  # relative: heights of up to 1e-3 mm and a fit of 45 terms
 

@@ -30,24 +30,6 @@ def test_version_is_a_version():
     assert irt.__version__[0].isdigit()
 
 
-@pytest.mark.parametrize("first", ["", "import irtscots_cl.trace, irtscots_cl.zernike; ",
-                                   "from irtscots_cl import trace, zernike; ",
-                                   "from irtscots_cl.trace import place_windows; import irtscots_cl.zernike as z; "])
-@pytest.mark.parametrize("then", ["", "import irtscots_cl.trace, irtscots_cl.zernike; "])
-def test_trace_and_zernike_are_functions_whoever_imports_first(first, then):
-    code = (f"{first}import irtscots_cl as irt; irt.zernike; irt.trace; {then}"
-            "import types; print(isinstance(irt.trace, types.FunctionType), irt.zernike(11, 0.0, 0.0))")
-    is_function, value = run_python(code).split()
-    assert is_function == "True"
-    assert float(value) == pytest.approx(5**0.5, rel=1e-12)  # Noll 11, spherical, at the centre; rounding
-
-
-def test_modules_of_the_same_name_are_importable():
-    code = ("import sys, irtscots_cl.trace; from irtscots_cl.trace import plan_launches, trace; "
-            "print(sys.modules['irtscots_cl.trace'].trace is trace)")
-    assert run_python(code) == "True"
-
-
 @pytest.mark.parametrize("code", [
     "import irtscots_cl",
     "import irtscots_cl; dir(irtscots_cl); irtscots_cl.__version__",

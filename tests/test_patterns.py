@@ -11,7 +11,9 @@ from irtscots_cl.interface import WEIGHT_ONE
 from irtscots_cl.patterns import LineScan
 from irtscots_cl.presets import load_scene
 from irtscots_cl.scene import Detector, Screen
+from irtscots_cl.tracer import TraceOptions
 from irtscots_cl.transport import Transport
+from irtscots_cl.windows import Windows
 
 ROUNDING = 1e-12  # relative: sums of a few float64 numbers
 COLUMNS, ROWS = 7, 5  # of the screen
@@ -37,14 +39,9 @@ def some_transport(estimator: str = "forward", seed: int = 1) -> Transport:
     unit_w = random.uniform(1e-9, 2e-9, (5, 1, 1) if estimator == "adjoint" else (5, 2, 3))
     return Transport(
         some_scene(),
-        estimator,
-        "philox",
-        "fp32",
-        1,
-        1.0,
+        TraceOptions(estimator),
         {},
-        np.array([0, 2, 5, 7, 11]),
-        origins,
+        Windows(np.array([0, 2, 5, 7, 11]), origins, 2, 3),
         counts,
         unit_w,
         np.array([100, 300]),
@@ -57,8 +54,8 @@ def on_screen(transport: Transport) -> np.ndarray:
     """Mean flux [detector pixel, screen row, screen column] of all rays, entry by entry."""
     flux = np.zeros((12, ROWS, COLUMNS))
     unit = np.broadcast_to(transport.unit_w, transport.counts.shape[1:])
-    for n, pixel in enumerate(transport.pixels):
-        column, row = transport.origins[n]
+    for n, pixel in enumerate(transport.windows.pixels):
+        column, row = transport.windows.origins[n]
         for k in range(2):
             for m in range(3):
                 count = sum(int(c) for c in transport.counts[:, n, k, m])

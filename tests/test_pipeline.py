@@ -74,7 +74,7 @@ def test_the_ledger_closes_and_the_mean_flux_is_the_scene_s(deviated):
     assert (
         sum(count for fate, count in report["ledger"].items() if fate != "launched") == report["rays_total"]
     )
-    assert report["rays_total"] == 65_536 * len(deviated.transport.pixels)
+    assert report["rays_total"] == 65_536 * len(deviated.transport.windows.pixels)
     centre = sum(deviated.stack.x.image(line)[62, 62] for line in range(21))
     assert centre == pytest.approx(4.168e-6, rel=1e-3)  # W, paper-sized scene; all rays of this pixel arrive
 

@@ -17,6 +17,7 @@ from irtscots_cl.plots import write_figures
 from irtscots_cl.prediction import predict_error
 from irtscots_cl.reconstruction import reconstruct
 from irtscots_cl.report import build_report, measured_table, summary_tables, versions, write_html
+from irtscots_cl.tracer import TraceOptions
 from irtscots_cl.transport import Transport
 
 CONTRACT = {
@@ -75,13 +76,8 @@ def made(replicates: int = 3):
     none = np.zeros(0)
     transport = Transport(
         scene,
-        "adjoint",
-        "philox",
-        "fp32",
-        7,
-        1.0,
+        TraceOptions(seed=7),
         DEVICE,
-        none,
         none,
         none,
         none,

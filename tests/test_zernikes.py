@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from irtscots_cl import zernike as zk
+from irtscots_cl import zernikes as zk
 
 # (n, m) in order of the index, typed from Noll (1976) table I, Wyant & Creath (1992) and ANSI Z80.28.
 LITERATURE = {

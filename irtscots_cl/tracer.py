@@ -1,0 +1,253 @@
+"""Trace a scene on a device: scene + device -> Transport, by the forward or the adjoint estimator."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from irtscots_cl.calibration import Calibration, check_visible
+from irtscots_cl.device import Device, select_device
+from irtscots_cl.execution import LocalMemory, Workspace
+from irtscots_cl.interface import LAUNCH, PRECISIONS, WEIGHT_ONE, Fate
+from irtscots_cl.packing import cosine4, emitters, pack, receivers
+from irtscots_cl.program import check_precision, compose
+from irtscots_cl.samplers import SAMPLERS
+from irtscots_cl.scene import Scene
+from irtscots_cl.transport import Transport, ledger_from
+from irtscots_cl.windows import place_windows
+
+ESTIMATORS = ("forward", "adjoint")
+MAX_RAYS_PER_ITEM = 2**18  # of one work-item: amortises its tile, and keeps every 32-bit tile bin below 2^32
+FIRST_LAUNCH_RAYS = 2**24  # before a launch has been timed
+LAUNCH_SECONDS = 0.4  # aimed at, so that progress and interruption stay responsive
+MAX_MARGIN = 8  # screen pixels; chief rays that are wrong by more are a bug
+MAX_TILE_BYTES = 2**19  # a larger detector tile would leave the core's cache
+
+
+@dataclass(frozen=True)
+class TraceOptions:
+    """How to trace. Refuses what is out of range with a ValueError that names the command line's option.
+
+    estimator: "forward" or "adjoint". sampler: a name of samplers.SAMPLERS. precision: "fp32" or "fp64".
+    seed: 64 bits. overfill: forward only, solid angle of the emission over the least that covers the mirror.
+    """
+
+    estimator: str = "adjoint"
+    sampler: str = "philox"
+    precision: str = "fp32"
+    seed: int = 1
+    overfill: float = 1.0
+
+    def __post_init__(self) -> None:
+        for option, value, allowed in (
+            ("estimator", self.estimator, ESTIMATORS),
+            ("sampler", self.sampler, SAMPLERS),
+            ("precision", self.precision, tuple(PRECISIONS)),
+        ):
+            if value not in allowed:
+                raise ValueError(f"--{option} = {value!r}: must be one of {', '.join(allowed)}")
+        if not 0 <= self.seed < 2**64:
+            raise ValueError(f"--seed = {self.seed}: must be 0 to 2^64 - 1")
+        if not 1.0 <= self.overfill <= 1e4:
+            raise ValueError(f"--overfill = {self.overfill}: must be 1 to 10000")
+
+
+def trace(
+    scene: Scene,
+    *,
+    device: Device | None = None,
+    estimator: str = "adjoint",
+    sampler: str = "philox",
+    precision: str = "fp32",
+    rays_per_pixel: int = 1024,
+    replicates: int = 8,
+    seed: int = 1,
+    overfill: float = 1.0,
+    progress: Callable[[int, int], None] | None = None,
+    launch_rays: int | None = None,
+) -> Transport:
+    """Trace rays_per_pixel rays per screen pixel (forward) or per detector pixel (adjoint).
+
+    device: as select_device gives it; None selects one. replicates: independent parts of the rays, for error bars.
+    estimator, sampler, precision, seed, overfill: see TraceOptions. progress(done, total) is called after each launch
+    with ray numbers. launch_rays: rays per launch, instead of timing; no result depends on it. Same seed and device,
+    same bits.
+
+    Raises ValueError for an argument out of range, SceneError if no pixel sees the screen, DeviceError if the device
+    cannot do it.
+    """
+    options = TraceOptions(estimator, sampler, precision, seed, overfill)
+    rays = _share(rays_per_pixel, replicates)
+    device = device if device is not None else select_device()
+    started = time.perf_counter()
+    calibration = Calibration(scene)
+    check_visible(calibration, f"scene {scene.name}")
+    margin = 1
+    while True:
+        tracer = Tracer(calibration, device, options, margin)
+        built = time.perf_counter()
+        counts, fates = tracer.run(rays, progress, launch_rays)
+        if fates[Fate.OFF_WINDOW] == 0:
+            break
+        margin *= 2  # light fell beside a window: wider ones, from the start
+        if margin > MAX_MARGIN:
+            raise RuntimeError(f"{fates[Fate.OFF_WINDOW]} rays land where no chief ray says that light can come")
+    traced = time.perf_counter()
+    ledger = ledger_from(fates, int(rays.sum()) * tracer.streams)
+    seconds = {"build": built - started, "trace": traced - built, "kernels": tracer.kernel_seconds}
+    windows, facts = tracer.windows, device.describe()
+    return Transport(scene, options, facts, windows, counts, tracer.unit_w, rays, ledger, seconds)
+
+
+def _share(rays_per_pixel: int, replicates: int) -> np.ndarray:
+    """Rays per stream of each replicate [replicates], as equal as whole numbers allow."""
+    if not 1 <= replicates <= 1024:
+        raise ValueError(f"--replicates = {replicates}: must be 1 to 1024")
+    if not replicates <= rays_per_pixel <= 2**40:
+        most = f"must be at least the {replicates} replicates and at most 2^40"
+        raise ValueError(f"--rays-per-pixel = {rays_per_pixel}: {most}")
+    rays = np.full(replicates, rays_per_pixel // replicates, dtype=np.int64)
+    rays[: rays_per_pixel % replicates] += 1
+    return rays
+
+
+def plan_launches(streams: int, rays: int, launch_rays: Callable[[], int]) -> Iterator[tuple[int, int, int, int]]:
+    """Cut streams x rays into launches of about launch_rays() rays: (first stream, streams, first ray, rays).
+
+    Every launch begins at a multiple of MAX_RAYS_PER_ITEM, so work-items begin at whole blocks.
+    """
+    first_ray = 0
+    while first_ray < rays:
+        items = max(1, launch_rays() // streams // MAX_RAYS_PER_ITEM)
+        per_stream = min(rays - first_ray, items * MAX_RAYS_PER_ITEM)
+        first_stream = 0
+        while first_stream < streams:
+            count = min(streams - first_stream, max(1, launch_rays() // per_stream))
+            yield first_stream, count, first_ray, per_stream
+            first_stream += count
+        first_ray += per_stream
+
+
+class Tracer:
+    """One estimator's kernel and buffers for one scene on one device, built and warm.
+
+    margin: screen pixels that the windows are wider than the chief rays say. width: rays side by side in a work-item,
+    None: the device's. accumulate: member of the accumulate_* kernel files, None: the device's. streams: sources of
+    rays (screen or detector pixels). unit_w: flux [W] of one count in a run of one ray per stream, broadcasting to
+    [n, window rows, window columns]. source: what was built. kernel_seconds: spent in kernels by `run` so far.
+
+    Raises DeviceError if the device cannot build or hold it.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        device: Device,
+        options: TraceOptions,
+        margin: int = 1,
+        width: int | None = None,
+        accumulate: str | None = None,
+    ):
+        check_precision(device, options.precision)
+        self.options, self.scene, self.windows = options, calibration.scene, place_windows(calibration, margin)
+        self._detector_pixels = int(np.prod(calibration.shape))
+        packed = pack(calibration, options.precision)
+        sources, self.unit_w = self._sources(calibration)
+        self.streams, self.kernel_seconds, self._rays_per_second = len(sources), 0.0, 0.0
+        tile = LocalMemory(self._tile_bytes())
+        if accumulate is None:
+            fits = tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes)
+            accumulate = "tile" if device.kind == "cpu" and fits else "atomic"
+        choices = packed.choices | {"sampler": options.sampler, "accumulate": accumulate}
+        width = width or device.vector_width(options.precision)
+        entry = f"trace_{options.estimator}"
+        self.source = compose(f"{entry}.cl", choices, packed.structs, options.precision, width)
+        self._workspace = work = Workspace(device, self.source, entry)
+        self._counts, self._ledger = work.empty(8 * self.windows.count), work.empty(8 * len(Fate))
+        lookup = [work.upload(array) for array in self._lookup()]
+        self._before = [work.upload(packed.scene)]
+        tile = tile if accumulate == "tile" else LocalMemory(8)
+        self._after = [work.upload(sources), *lookup, self._counts, self._ledger, tile]
+        self._launch(0, 0, 1, 0, 0)  # no rays: some drivers compile at the first launch
+
+    def _sources(self, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
+        """The kernel's emitters or receivers, and unit_w."""
+        screen, camera, mirror = self.scene.screen, self.scene.camera, self.scene.mirror
+        gain = screen.radiance * mirror.reflectance * camera.transmittance
+        if self.options.estimator == "forward":
+            sources, area = emitters(calibration, self.options.precision, self.options.overfill)
+            unit = (gain * screen.pitch_mm**2 * area).reshape(screen.pixels[::-1])
+            return sources, self.windows.gather(unit)
+        pixels, origins = self.windows.pixels, self.windows.origins
+        area = np.pi / 4 * camera.aperture_diameter_mm**2 * camera.detector.pitch_mm**2
+        unit = gain * area / camera.image_distance_mm**2 * cosine4(calibration, pixels) / WEIGHT_ONE
+        return receivers(calibration, pixels, origins, self.options.precision), unit[:, None, None]
+
+    def _tile_bytes(self) -> int:
+        """Local memory of a work-item that accumulates in a tile of its own."""
+        if self.options.estimator == "forward":
+            return 4 * self._detector_pixels
+        return 8 * (self.windows.rows * self.windows.columns + len(Fate))
+
+    def _lookup(self) -> list[np.ndarray]:
+        """Forward: where a detector pixel's window is. An adjoint receiver knows."""
+        if self.options.estimator == "adjoint":
+            return []
+        slots = np.full(self._detector_pixels, -1, np.int32)
+        slots[self.windows.pixels] = np.arange(len(self.windows.pixels))
+        return [slots, self.windows.origins]
+
+    def run(self, rays: np.ndarray, progress=None, launch_rays: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Trace rays [replicates] rays per stream: counts [replicates, n, window rows, window columns], rays [Fate]."""
+        windows, work = self.windows, self._workspace
+        counts = np.empty((len(rays), len(windows.pixels), windows.rows, windows.columns), np.uint64)
+        done, total = 0, int(rays.sum()) * self.streams
+        self.kernel_seconds = 0.0
+        work.clear(self._ledger)
+        for replicate, of_stream in enumerate(rays):
+            work.clear(self._counts)
+            for part in plan_launches(self.streams, int(of_stream), lambda: launch_rays or self._launch_rays()):
+                self._launch(replicate, *part)
+                done += part[1] * part[3]
+                if progress is not None:
+                    progress(done, total)
+            work.download(self._counts, counts[replicate])
+        fates = work.download(self._ledger, np.zeros(len(Fate), np.uint64))
+        if self.options.estimator == "adjoint":  # its windows hold weights, so the kernel counts only the others
+            fates[Fate.DETECTED] = total - int(fates.sum())
+        return counts, fates
+
+    def throughput(self, rays: int) -> float:
+        """Rays per second of the kernels in a run of that many rays per stream, one replicate."""
+        self.run(np.array([rays]))
+        return rays * self.streams / self.kernel_seconds
+
+    def _launch_rays(self) -> int:
+        return int(self._rays_per_second * LAUNCH_SECONDS) or FIRST_LAUNCH_RAYS
+
+    def _launch(self, replicate: int, first_stream: int, streams: int, first_ray: int, rays: int) -> None:
+        per_item = max(1, min(rays, MAX_RAYS_PER_ITEM))
+        launch = np.zeros((), LAUNCH)
+        for name, value in {
+            "first_ray": first_ray,
+            "ray_count": rays,
+            "rays_per_item": per_item,
+            "first_stream": first_stream,
+            "replicate": replicate,
+            "seed_low": self.options.seed & 0xFFFFFFFF,
+            "seed_high": self.options.seed >> 32,
+            "screen_columns": self.scene.screen.pixels[0],
+            "screen_rows": self.scene.screen.pixels[1],
+            "detector_pixels": self._detector_pixels,
+            "window_columns": self.windows.columns,
+            "window_rows": self.windows.rows,
+        }.items():
+            launch[name] = value
+        parts = max(1, -(-rays // per_item))
+        seconds = self._workspace.launch((streams, parts), [*self._before, launch, *self._after])
+        self.kernel_seconds += seconds
+        if rays:
+            self._rays_per_second = max(streams * rays / max(seconds, 1e-6), 1e6)

@@ -1,0 +1,70 @@
+"""Small kernels for tests: compose one around the package's kernel files, run it, fetch what it wrote."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from irtscots_cl.calibration import Calibration
+from irtscots_cl.device import Device
+from irtscots_cl.execution import Workspace
+from irtscots_cl.interface import LAUNCH, PRECISIONS
+from irtscots_cl.packing import pack
+from irtscots_cl.program import compose
+
+FOLDER = Path(__file__).parent / "kernels"
+
+
+class SmallKernel:
+    """A kernel file of the tests' own, built for a scene (for a part of its files at least) on a device.
+
+    entry: the file's path; its kernel has the same name. width: rays side by side; block: rays of a sampler's block.
+    """
+
+    def __init__(self, device: Device, entry: Path, precision: str, scene=None, width: int | None = None):
+        self.real = PRECISIONS[precision]
+        self.width = width or device.vector_width(precision)
+        self.block = 256 if self.width > 1 else 1  # BLOCK of kernels/simd_*.cl
+        self.words = 16 if self.width > 1 else 1  # WORD_LANES
+        structs, choices, self._scene = {"Launch": LAUNCH}, {}, None
+        if scene is not None:
+            packed = pack(Calibration(scene), precision)
+            structs, choices, self._scene = packed.structs, packed.choices, packed.scene
+        source = compose(entry, choices | {"sampler": "philox"}, structs, precision, self.width)
+        self._work = Workspace(device, source, entry.stem)
+
+    def run(self, grid: tuple[int, int], inputs: list, outputs: list[np.ndarray]) -> list[np.ndarray]:
+        """Launch with arguments (scene if there is one, inputs, outputs); the outputs, filled.
+
+        inputs: arrays become buffers, numpy scalars and [()] structures are passed by value.
+        """
+        work = self._work
+        before = [] if self._scene is None else [work.upload(self._scene)]
+        given = [work.upload(x) if isinstance(x, np.ndarray) and x.ndim else x for x in inputs]
+        buffers = [work.empty(out.nbytes) for out in outputs]
+        for buffer in buffers:
+            work.clear(buffer)
+        work.launch(grid, [*before, *given, *buffers])
+        return [work.download(buffer, out) for buffer, out in zip(buffers, outputs, strict=True)]
+
+
+def kernel_text(path: Path, includes: list[str], signature: str, body: str) -> Path:
+    """Write a kernel file that includes kernel files of the package; its kernel is named after the file."""
+    lines = [f'#include "{name}"' for name in includes]
+    lines += [f"__kernel void {path.stem}({signature}) {{", body, "}"]
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    return path
+
+
+def launch_of(**values: int) -> np.ndarray:
+    """A Launch structure with these fields, the others 0."""
+    launch = np.zeros((), LAUNCH)
+    for name, value in values.items():
+        launch[name] = value
+    return launch
+
+
+def lanes(vector: str, lane: str = "lane") -> str:
+    """C text of one lane of a vector of reals, on any width."""
+    return f"((const real *)&{vector})[{lane}]"

@@ -1,0 +1,154 @@
+"""Which device is taken, and what is found out about it."""
+
+from __future__ import annotations
+
+import dataclasses
+from types import SimpleNamespace
+
+import pyopencl as cl
+import pytest
+
+import irtscots_cl.device as module
+from irtscots_cl.device import ENVIRONMENT, Device, DeviceError, all_devices, select_device
+
+
+def fake(index, name, platform, kind, units, available=True, endian_little=True):
+    """A device that exists only by its facts."""
+    facts = SimpleNamespace(
+        name=f" {name} ",
+        platform=SimpleNamespace(name=platform),
+        type=kind,
+        max_compute_units=units,
+        available=available,
+        endian_little=endian_little,
+    )
+    return Device(facts, index)
+
+
+FOUND = (
+    fake("0:0", "pthread-Some CPU", "Portable Computing Language", cl.device_type.CPU, 64),
+    fake("1:0", "Small GPU", "ACME OpenCL", cl.device_type.GPU, 8),
+    fake("1:1", "Big GPU", "ACME OpenCL", cl.device_type.GPU, 80),
+    fake("1:2", "Huge GPU, switched off", "ACME OpenCL", cl.device_type.GPU, 800, available=False),
+    fake("1:3", "Other-endian GPU", "ACME OpenCL", cl.device_type.GPU, 900, endian_little=False),
+    fake("2:0", "FPGA card", "Gates Inc", cl.device_type.ACCELERATOR, 1000),
+)
+
+
+@pytest.fixture
+def found(monkeypatch):
+    monkeypatch.setattr(module, "all_devices", lambda: FOUND)
+    monkeypatch.delenv(ENVIRONMENT, raising=False)
+
+
+@pytest.mark.parametrize(
+    ("choice", "index"),
+    [
+        (None, "1:1"),
+        ("0:0", "0:0"),
+        ("1:0", "1:0"),
+        ("gpu", "1:1"),
+        ("GPU", "1:1"),
+        ("cpu", "0:0"),
+        ("other", "2:0"),
+        ("small", "1:0"),
+        ("acme", "1:1"),
+        ("pocl", "0:0"),
+        (" Portable ", "0:0"),
+        ("fpga", "2:0"),
+    ],
+)
+def test_choice(found, choice, index):
+    assert select_device(choice).index == index
+
+
+@pytest.mark.parametrize(
+    "choice", ["0:1", "0", "nothing like it", "", " ", "huge", "1:2", "other-endian", ":"]
+)
+def test_refused_choices_list_what_was_found(found, choice):
+    with pytest.raises(DeviceError) as caught:
+        select_device(choice)
+    message = str(caught.value)
+    assert message.startswith(f"--device = {choice!r}: ") and "\n" not in message
+    for device in FOUND:
+        assert f"{device.index} {device.name} ({device.platform})" in message
+
+
+def test_the_environment_chooses_where_the_caller_does_not(found, monkeypatch):
+    monkeypatch.setenv(ENVIRONMENT, "small")
+    assert select_device(None).index == "1:0"
+    assert select_device("cpu").index == "0:0"
+    monkeypatch.setenv(ENVIRONMENT, "missing")
+    with pytest.raises(DeviceError, match=f"{ENVIRONMENT} = 'missing': no such usable device"):
+        select_device(None)
+    monkeypatch.setenv(ENVIRONMENT, "")
+    assert select_device(None).index == "1:1"  # set but empty is not set
+
+
+def test_no_device_at_all_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(module, "all_devices", tuple)
+    with pytest.raises(DeviceError, match=r"^no OpenCL device found; install one: .*pocl") as caught:
+        select_device("gpu")
+    assert "\n" not in str(caught.value)
+
+
+def test_vector_width():
+    facts = FOUND[0].cl_device
+    facts.native_vector_width_float, facts.native_vector_width_double = 16, 8
+    facts.version = "OpenCL 3.0 PoCL HSTR: pthread-x86_64-pc-linux-gnu-skylake-avx512"
+    assert (FOUND[0].vector_width("fp32"), FOUND[0].vector_width("fp64")) == (16, 8)
+    facts.version = "OpenCL 3.0 PoCL HSTR: pthread-x86_64-pc-linux-gnu-znver3"  # compiled for AVX2
+    assert (FOUND[0].vector_width("fp32"), FOUND[0].vector_width("fp64")) == (8, 4)
+    facts.version = "OpenCL 3.0"
+    facts.native_vector_width_float, facts.native_vector_width_double = 32, 2
+    assert (FOUND[0].vector_width("fp32"), FOUND[0].vector_width("fp64")) == (16, 4)
+    assert FOUND[1].vector_width("fp32") == FOUND[5].vector_width("fp64") == 1
+
+
+# --- the devices that are there ----------------------------------------------------------------------------
+
+
+def test_every_device_is_selected_by_its_own_index(device):
+    devices = all_devices()
+    assert device in devices
+    assert len({d.index for d in devices}) == len(devices)
+    for d in devices:
+        if d.cl_device.available and d.cl_device.endian_little:
+            assert select_device(d.index) is d
+
+
+def test_description_holds_plain_facts(device):
+    facts = device.describe()
+    assert set(facts) == {"index", "name", "platform", "driver", "kind", "compute_units"}
+    assert all(isinstance(value, (str, int)) and value for value in facts.values())
+    assert facts["kind"] in ("cpu", "gpu", "other")
+
+
+def test_probe(device):
+    facts = device.probe()
+    assert facts["atomics_32"] is True
+    assert facts["fp64"] is device.has_fp64
+    assert facts["vector_width_fp32"] in ((4, 8, 16) if device.kind == "cpu" else (1,))
+    assert (
+        0.1 < facts["memory_gib"] < 1e4 and facts["local_memory_kib"] >= 16
+    )  # OpenCL's least: 32 KiB, embedded 1
+    assert isinstance(facts["sqrt_correctly_rounded"], bool) and isinstance(
+        facts["division_correctly_rounded"], bool
+    )
+
+
+def test_a_device_that_counts_wrongly_is_refused(device, monkeypatch):
+    monkeypatch.setattr(module, "_PROBE", module._PROBE.replace("i + 1", "i"))
+    with pytest.raises(DeviceError, match="32-bit atomics count wrongly"):
+        Device(device.cl_device, device.index).probe()
+
+
+def test_a_device_that_cannot_build_is_refused_in_one_line(device, monkeypatch):
+    monkeypatch.setattr(module, "_PROBE", "not a kernel")
+    with pytest.raises(DeviceError, match="cannot run a kernel") as caught:
+        Device(device.cl_device, device.index).probe()
+    assert "\n" not in str(caught.value)
+
+
+def test_devices_are_hashable_values(device):
+    assert dataclasses.replace(device) == device and hash(dataclasses.replace(device)) == hash(device)

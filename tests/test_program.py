@@ -1,0 +1,188 @@
+"""Composing and building kernel sources from the kernel files."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from dataclasses import replace
+
+import pytest
+from lopsided import lopsided
+
+from irtscots_cl.calibration import Calibration
+from irtscots_cl.device import DeviceError
+from irtscots_cl.interface import LAUNCH
+from irtscots_cl.packing import pack
+from irtscots_cl.presets import load_scene
+from irtscots_cl.program import build, check_precision, compose, kernels_folder
+from irtscots_cl.samplers import SAMPLERS
+from irtscots_cl.scene import Mirror
+from irtscots_cl.tracer import ESTIMATORS
+
+FAMILIES = {
+    "surface": ["sphere", "conic", "off_axis"],
+    "mirror": ["nominal", "deviated"],
+    "aperture": ["disk", "annulus"],
+    "accumulate": ["tile", "atomic", "none"],
+    "sampler": list(SAMPLERS),
+}
+STRUCTS = {"Launch": LAUNCH}
+
+
+def all_choices():
+    for members in itertools.product(*FAMILIES.values()):
+        yield dict(zip(FAMILIES, members, strict=True))
+
+
+def write(path, text):
+    path.write_text(text, encoding="ascii")
+    return path
+
+
+def scene_for(choices):
+    """A scene whose packing makes these choices."""
+    base = lopsided()
+    mirror = Mirror(
+        radius_mm=1500.0,
+        conic=0.0 if choices["surface"] == "sphere" else -0.8,
+        diameter_mm=330.0,
+        off_axis_mm=240.0 if choices["surface"] == "off_axis" else 0.0,
+        obscuration_mm=70.0 if choices["aperture"] == "annulus" else 0.0,
+        zernike=base.mirror.zernike if choices["mirror"] == "deviated" else (),
+    )
+    return replace(base, mirror=mirror)
+
+
+@pytest.mark.parametrize(
+    "choices", [c for c in all_choices() if c["sampler"] == SAMPLERS[0]], ids=lambda c: "-".join(c.values())
+)
+def test_every_combination_of_files_composes_and_builds(device, choices):
+    packed = pack(Calibration(scene_for(choices)), "fp32")
+    assert packed.choices == {family: choices[family] for family in ("surface", "mirror", "aperture")}
+    for estimator in ESTIMATORS:
+        source = compose(
+            f"trace_{estimator}.cl", choices, packed.structs, "fp32", device.vector_width("fp32")
+        )
+        for family, member in choices.items():
+            assert [f for f in source.files if f.startswith(f"{family}_")] == [f"{family}_{member}.cl"]
+        assert [k.function_name for k in build(device, source).all_kernels()] == [f"trace_{estimator}"]
+
+
+def test_no_kernel_file_is_dead():
+    used = {
+        file
+        for choices in all_choices()
+        for estimator in ESTIMATORS
+        for precision, width in itertools.product(("fp32", "fp64"), (1, 8))
+        for file in compose(f"trace_{estimator}.cl", choices, STRUCTS, precision, width).files
+    }
+    used |= set(compose("multiply_add.cl", {}, STRUCTS, "fp32", 8).files)  # the benchmark's own
+    assert used == {path.name for path in kernels_folder().iterdir()}
+
+
+def test_families_here_are_those_of_the_folder():
+    stars = {
+        star
+        for path in kernels_folder().glob("*.cl")
+        for star in re.findall(r'^#include "([a-z0-9]+)_\*\.cl"', path.read_text(), re.M)
+    }
+    assert stars == {*FAMILIES, "simd", "real"}
+    for family, members in FAMILIES.items():
+        assert {f"{family}_{member}.cl" for member in members} == {
+            p.name for p in kernels_folder().glob(f"{family}_*.cl")
+        }
+
+
+@pytest.mark.parametrize("path", sorted(kernels_folder().iterdir()), ids=lambda path: path.name)
+def test_kernel_files_are_short_plain_and_introduced(path):
+    text = path.read_bytes().decode("ascii")  # raises on anything else
+    lines = text.splitlines()
+    assert path.suffix == ".cl" and len(lines) < 250 and "\t" not in text
+    assert lines[0].startswith("// ")
+
+
+def test_a_file_comes_in_once_and_before_its_user():
+    source = compose("trace_forward.cl", next(all_choices()), STRUCTS, "fp32", 16)
+    assert len(set(source.files)) == len(source.files)
+    assert source.files[-1] == "trace_forward.cl"
+    assert source.text.count("typedef struct { wordv word[4]; } Philox;") == 1
+    assert source.files.index("philox.cl") < source.files.index("sampler_philox.cl")
+    assert "#include" not in source.text
+
+
+def test_precision_and_width_choose_the_types():
+    for precision, width, files in [
+        ("fp32", 1, {"real_float.cl", "simd_scalar.cl"}),
+        ("fp64", 8, {"real_double.cl", "simd_vector.cl"}),
+    ]:
+        source = compose("uniform.cl", {}, STRUCTS, precision, width)
+        assert files <= set(source.files)
+        assert ("-DWIDTH=8" in source.options) == (width == 8)
+        assert not any("relaxed" in option or "unsafe" in option for option in source.options)
+
+
+def test_an_entry_elsewhere_includes_files_of_the_folder(tmp_path):
+    entry = write(
+        tmp_path / "mine.cl", '#include "philox.cl"\n__kernel void mine(__global int *x) { x[0] = WIDTH; }\n'
+    )
+    source = compose(entry, {}, STRUCTS, "fp32", 1)
+    assert source.files == ("real_float.cl", "simd_scalar.cl", "philox.cl", "mine.cl")
+
+
+@pytest.mark.parametrize("line", [1, 2, 5])
+def test_a_compilers_message_names_file_and_line(device, tmp_path, line):
+    lines = ["// nothing"] * 6
+    lines[0] = lines[2] = '#include "philox.cl"'
+    lines.insert(line - 1, "int broken = no_such_name;")
+    entry = write(
+        tmp_path / "broken_here.cl", "\n".join([*lines, "__kernel void broken_here(__global int *x) {}", ""])
+    )
+    with pytest.raises(DeviceError) as caught:
+        build(device, compose(entry, {}, STRUCTS, "fp32", 1))
+    message = str(caught.value)
+    assert "\n" not in message and "kernels do not build" in message
+    assert re.search(rf"broken_here\.cl\D{{1,3}}{line}\b", message)  # clang "file:line:", others "file(line)"
+
+
+def test_unknown_names_are_refused(tmp_path):
+    with pytest.raises(KeyError, match="surface"):
+        compose("mirror_nominal.cl", {}, STRUCTS, "fp32", 1)
+    with pytest.raises(FileNotFoundError, match="surface_saddle"):
+        compose("mirror_nominal.cl", {"surface": "saddle", "aperture": "disk"}, STRUCTS, "fp32", 1)
+    entry = write(tmp_path / "nowhere.cl", '#include "nowhere_else.cl"\n')
+    with pytest.raises(FileNotFoundError, match="nowhere_else"):
+        compose(entry, {}, STRUCTS, "fp32", 1)
+
+
+def test_building_twice_gives_the_same_program(device):
+    packed = pack(Calibration(load_scene("sphere")), "fp32")
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    sources = [compose("trace_adjoint.cl", choices, packed.structs, "fp32", 1) for _ in range(2)]
+    assert build(device, sources[0]) is build(device, sources[1])
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+def test_no_number_and_no_string_of_a_scene_reaches_the_source(estimator):
+    first = lopsided()
+    second = replace(
+        first, name="Xx-another_Name.9", mirror=replace(first.mirror, radius_mm=1501.25, reflectance=0.5)
+    )
+    texts = []
+    for scene in (first, second):
+        packed = pack(Calibration(scene), "fp32")
+        choices = packed.choices | {"sampler": "philox", "accumulate": "tile"}
+        texts.append(compose(f"trace_{estimator}.cl", choices, packed.structs, "fp32", 16))
+    assert texts[0] == texts[1]
+    assert all(word not in texts[0].text for word in (first.name, second.name, "1500", "1501"))
+
+
+def test_check_precision(device):
+    with pytest.raises(ValueError, match="precision = 'half': must be fp32 or fp64"):
+        check_precision(device, "half")
+    check_precision(device, "fp32")
+
+    class WithoutDoubles:
+        has_fp64, index, name = False, "3:1", "Some GPU"
+
+    with pytest.raises(DeviceError, match="fp64: device 3:1 Some GPU has no double precision"):
+        check_precision(WithoutDoubles(), "fp64")
