@@ -59,7 +59,7 @@ class Device:
         return bool(self.cl_device.double_fp_config)
 
     def vector_width(self, precision: str) -> int:
-        """Rays side by side in a work-item: one register's worth on CPUs, 1 elsewhere.
+        """Rays side by side in a work-item: 8 or 16 on CPUs, one or two registers' worth; 1 elsewhere.
 
         PoCL reports the widest registers of the processor even where its compiler does not use them: LLVM 14 compiles
         for every AMD processor with AVX-512 as for the ones before, with AVX2. The target's name is in the version.
@@ -69,8 +69,8 @@ class Device:
         double = precision == "fp64"
         native = self.cl_device.native_vector_width_double if double else self.cl_device.native_vector_width_float
         if "znver" in self.cl_device.version:
-            native = min(native, 4 if double else 8)
-        return max(4, min(16, native))
+            native = 8
+        return 16 if native >= 16 else 8
 
     def describe(self) -> dict[str, object]:
         """Plain facts for reports."""

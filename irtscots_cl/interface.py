@@ -99,8 +99,8 @@ def zernike_term_dtype(real) -> np.dtype:
     return np.dtype([(name, real) for name in ("cosine", "sine", "alpha", "beta", "gamma_next")], align=True)
 
 
-def zernike_dtype(real, series: int, terms: int) -> np.dtype:
-    """The deviation as a zernike.RadialSeries of `series` azimuthal orders and `terms` radial terms in all."""
+def zernike_clenshaw_dtype(real, series: int, terms: int) -> np.dtype:
+    """The deviation as a zernikes.RadialSeries of `series` azimuthal orders and `terms` radial terms in all."""
     return np.dtype(
         [
             ("inverse_radius", real),
@@ -111,6 +111,11 @@ def zernike_dtype(real, series: int, terms: int) -> np.dtype:
         ],
         align=True,
     )
+
+
+def zernike_power_dtype(real, coefficients: int) -> np.dtype:
+    """The deviation's zernikes.PowerRows: coefficients in mm. Which rows they make up is declared as constants."""
+    return np.dtype([("inverse_radius", real), ("coefficient", real, coefficients)], align=True)
 
 
 def scene_dtype(real, mirror: np.dtype, zernike: np.dtype | None) -> np.dtype:
@@ -147,10 +152,11 @@ _C_NAMES = {
 }
 
 
-def c_declarations(structs: dict[str, np.dtype]) -> str:
-    """OpenCL C text of the fates and of the structures, each after those that it contains.
+def c_declarations(structs: dict[str, np.dtype], constants: dict[str, tuple[int, ...]] | None = None) -> str:
+    """OpenCL C text of the fates, of the structures, each after those that it contains, and of constant tables.
 
-    structs: C name -> dtype; a nested dtype must be named by an entry before it.
+    structs: C name -> dtype; a nested dtype must be named by an entry before it. constants: C name -> whole numbers; they
+    describe the scene's structure, never its values.
     """
     fates = ", ".join(f"FATE_{fate.name} = {fate.value}" for fate in Fate)
     lines = [f"enum {{ {fates}, FATE_COUNT = {len(Fate)} }};"]
@@ -159,6 +165,8 @@ def c_declarations(structs: dict[str, np.dtype]) -> str:
         fields = "".join(f" {_c_field(field, dtype.fields[field][0], names)};" for field in dtype.names)
         lines.append(f"typedef struct {{{fields} }} {name};")
         names[dtype] = name
+    for name, values in (constants or {}).items():
+        lines.append(f"__constant int {name}[{len(values)}] = {{{', '.join(str(int(v)) for v in values)}}};")
     return "\n".join(lines) + "\n"
 
 

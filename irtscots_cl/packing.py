@@ -17,23 +17,26 @@ from irtscots_cl.interface import (
     mirror_dtype,
     receiver_dtype,
     scene_dtype,
-    zernike_dtype,
+    zernike_clenshaw_dtype,
+    zernike_power_dtype,
     zernike_term_dtype,
 )
 from irtscots_cl.surface import Surface
-from irtscots_cl.zernikes import RadialSeries
+from irtscots_cl.zernikes import RadialSeries, power_rows
 
 RIM_POINTS = 32  # of the mirror, to fit the aim's ellipse
 AIM_MARGIN = 1e-4  # of the ellipse's axes, for what is not an ellipse between the rim points
+MAX_POWER_TERMS = 6  # radial terms per azimuthal order: beyond t^5 sums of powers lose more than two digits
 LARGE_DEVIATION_MM = 5e-3  # beyond it one Newton step leaves more than 1e-9 of slope (fp32's own rounding is 1e-8)
 
 
 @dataclass(frozen=True)
 class Packed:
-    """A scene ready for the kernels: file choices, C structures, and the scene structure itself."""
+    """A scene ready for the kernels: file choices, C structures and constants, and the scene structure itself."""
 
     choices: dict[str, str]
     structs: dict[str, np.dtype]
+    constants: dict[str, tuple[int, ...]]
     scene: np.ndarray  # [1]
 
 
@@ -50,24 +53,28 @@ def pack(calibration: Calibration, precision: str) -> Packed:
         "Frame": frame_dtype(real),
         "Mirror": mirror,
     }
-    zernike = None
+    zernike, tables, choices, constants = None, None, {}, {}
     if deviation is not None:
-        zernike = zernike_dtype(real, len(deviation.m), len(deviation.cosine))
-        structs |= {"ZernikeTerm": zernike_term_dtype(real), "Zernike": zernike}
+        few = deviation.count.max() <= MAX_POWER_TERMS
+        tables, declared, constants = (_zernike_power if few else _zernike_clenshaw)(deviation, real)
+        tables["inverse_radius"] = 1 / surface.deviation_radius_mm
+        zernike = tables.dtype
+        choices["zernike"] = "power" if few else "clenshaw"
+        structs |= declared | {"Zernike": zernike}
     structs["Scene"] = scene_dtype(real, mirror, zernike)
     scene = np.zeros(1, structs["Scene"])
     _fill_mirror(scene["mirror"][0:1], surface, precision)
     _fill_frame(scene["screen"], calibration.screen_frame)
     _fill_frame(scene["camera"], calibration.camera_frame)
     _fill_devices(scene, calibration)
-    if deviation is not None:
-        _fill_zernike(scene["zernike"], deviation, surface.deviation_radius_mm)
-    choices = {
+    if tables is not None:
+        scene["zernike"] = tables
+    choices |= {
         "surface": _surface_file(calibration.scene.mirror),
         "mirror": "deviated" if deviation is not None else "nominal",
         "aperture": "annulus" if annular else "disk",
     }
-    return Packed(choices, structs, scene)
+    return Packed(choices, structs, constants, scene)
 
 
 def _surface_file(mirror) -> str:
@@ -117,14 +124,23 @@ def _fill_devices(out: np.ndarray, calibration: Calibration) -> None:
         out[name] = value
 
 
-def _fill_zernike(out: np.ndarray, series: RadialSeries, radius_mm: float) -> None:
-    out["inverse_radius"] = 1 / radius_mm
-    out["order"], out["count"], out["series_count"] = series.m, series.count, len(series.m)
-    term = out["term"]
+def _zernike_power(series: RadialSeries, real):
+    """Tables [()], structures that they contain, and constants for kernels/zernike_power.cl."""
+    rows = power_rows(series)
+    out = np.zeros((), zernike_power_dtype(real, len(rows.coefficient)))
+    out["coefficient"] = rows.coefficient
+    return out, {}, {f"zernike_{name}": tuple(getattr(rows, name)) for name in ("order", "sine", "count")}
+
+
+def _zernike_clenshaw(series: RadialSeries, real):
+    """Tables [()], structures that they contain, and constants for kernels/zernike_clenshaw.cl."""
+    out = np.zeros((), zernike_clenshaw_dtype(real, len(series.m), len(series.cosine)))
     for name in ("cosine", "sine", "alpha", "beta"):
-        term[name] = getattr(series, name)
-    # The next term's gamma; at the end of a series it multiplies zero.
-    term["gamma_next"] = np.append(series.gamma[1:], 0.0)
+        out["term"][name] = getattr(series, name)
+    # the next term's gamma; at the end of a series it multiplies zero
+    out["term"]["gamma_next"] = np.append(series.gamma[1:], 0.0)
+    out["order"], out["count"], out["series_count"] = series.m, series.count, len(series.m)
+    return out, {"ZernikeTerm": zernike_term_dtype(real)}, {}
 
 
 def receivers(calibration: Calibration, slots: np.ndarray, origins: np.ndarray, precision: str) -> np.ndarray:

@@ -40,13 +40,18 @@ class Source:
 
 
 def compose(
-    entry: str | Path, choices: dict[str, str], structs: dict[str, np.dtype], precision: str, width: int
+    entry: str | Path,
+    choices: dict[str, str],
+    structs: dict[str, np.dtype],
+    precision: str,
+    width: int,
+    constants: dict[str, tuple[int, ...]] | None = None,
 ) -> Source:
     """Source of the kernel file `entry` with everything that it includes.
 
     entry: a name in the kernels folder, or the path of a file elsewhere that includes files from there.
-    choices: family -> member, e.g. {"surface": "sphere"}; structs: as interface.c_declarations takes them.
-    width: rays side by side in a work-item, 1, 4, 8 or 16.
+    choices: family -> member, e.g. {"surface": "sphere"}; structs, constants: as interface.c_declarations takes them.
+    width: rays side by side in a work-item, 1, 8 or 16.
     """
     choices = choices | {
         "real": "float" if precision == "fp32" else "double",
@@ -56,8 +61,8 @@ def compose(
     files: list[str] = []
     pieces = _expand(folder, entry, choices, files)
     # The structures need the types' names only, so they come first, before any kernel file.
-    text = '#line 1 "interface (generated)"\n' + _pragma(precision) + c_declarations(structs) + "".join(pieces)
-    options = (f"-DWIDTH={width}", f"-DHALF={width // 2}") if width > 1 else ()
+    text = '#line 1 "interface (generated)"\n' + _pragma(precision) + c_declarations(structs, constants) + "".join(pieces)
+    options = (f"-DWIDTH={width}",) if width > 1 else ()
     return Source(text, (*options, "-cl-std=CL1.2"), tuple(files))
 
 

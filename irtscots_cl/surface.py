@@ -34,6 +34,7 @@ class Surface:
             for index, value_um in terms.coefficients_um.items():
                 nm = index_to_nm(index, terms.ordering)
                 coefficients[nm] = coefficients.get(nm, 0.0) + value_um * 1e-3
+        coefficients = {nm: value for nm, value in coefficients.items() if value != 0}
         return cls(
             Quadric.conic(mirror.radius_mm, mirror.conic, mirror.off_axis_mm),
             mirror.diameter_mm / 2,

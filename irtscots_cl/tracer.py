@@ -25,6 +25,7 @@ FIRST_LAUNCH_RAYS = 2**24  # before a launch has been timed
 LAUNCH_SECONDS = 0.4  # aimed at, so that progress and interruption stay responsive
 MAX_MARGIN = 8  # screen pixels; chief rays that are wrong by more are a bug
 MAX_TILE_BYTES = 2**19  # a larger detector tile would leave the core's cache
+TILE_BYTES_PER_RAY = 4  # with more, clearing and merging a tile costs more than its rays' atomics
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def trace(
     check_visible(calibration, f"scene {scene.name}")
     margin = 1
     while True:
-        tracer = Tracer(calibration, device, options, margin)
+        tracer = Tracer(calibration, device, options, margin, rays=int(rays.max()))
         built = time.perf_counter()
         counts, fates = tracer.run(rays, progress, launch_rays)
         if fates[Fate.OFF_WINDOW] == 0:
@@ -134,7 +135,8 @@ def plan_launches(streams: int, rays: int, launch_rays: Callable[[], int]) -> It
 class Tracer:
     """One estimator's kernel and buffers for one scene on one device, built and warm.
 
-    margin: screen pixels that the windows are wider than the chief rays say. width: rays side by side in a work-item,
+    margin: screen pixels that the windows are wider than the chief rays say. rays: that a stream is about to get, which
+    decides how they are best added up. width: rays side by side in a work-item,
     None: the device's. accumulate: member of the accumulate_* kernel files, None: the device's. streams: sources of
     rays (screen or detector pixels). unit_w: flux [W] of one count in a run of one ray per stream, broadcasting to
     [n, window rows, window columns]. source: what was built. kernel_seconds: spent in kernels by `run` so far.
@@ -148,6 +150,7 @@ class Tracer:
         device: Device,
         options: TraceOptions,
         margin: int = 1,
+        rays: int = MAX_RAYS_PER_ITEM,
         width: int | None = None,
         accumulate: str | None = None,
     ):
@@ -159,12 +162,12 @@ class Tracer:
         self.streams, self.kernel_seconds, self._rays_per_second = len(sources), 0.0, 0.0
         tile = LocalMemory(self._tile_bytes())
         if accumulate is None:
-            fits = tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes)
+            fits = tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes, rays * TILE_BYTES_PER_RAY)
             accumulate = "tile" if device.kind == "cpu" and fits else "atomic"
         choices = packed.choices | {"sampler": options.sampler, "accumulate": accumulate}
         width = width or device.vector_width(options.precision)
         entry = f"trace_{options.estimator}"
-        self.source = compose(f"{entry}.cl", choices, packed.structs, options.precision, width)
+        self.source = compose(f"{entry}.cl", choices, packed.structs, options.precision, width, packed.constants)
         self._workspace = work = Workspace(device, self.source, entry)
         self._counts, self._ledger = work.empty(8 * self.windows.count), work.empty(8 * len(Fate))
         lookup = [work.upload(array) for array in self._lookup()]

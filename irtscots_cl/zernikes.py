@@ -198,6 +198,46 @@ def radial_series(terms: Mapping[tuple[int, int], float]) -> RadialSeries:
     return series
 
 
+@dataclass(frozen=True)
+class PowerRows:
+    """A `RadialSeries` as rows c(t) B for evaluation by Horner's rule: see kernels/zernike_power.cl.
+
+    order, sine, count: int32 [rows], azimuthal order m (ascending), 1 for the sine part, number of powers;
+    coefficient: float64 [sum of count], each row's powers of t from the highest down.
+    """
+
+    order: NDArray[np.int32]
+    sine: NDArray[np.int32]
+    count: NDArray[np.int32]
+    coefficient: NDArray[np.float64]
+
+
+def power_rows(series: RadialSeries) -> PowerRows:
+    """Expand each part of a series that is not zero in powers of t.
+
+    Powers up to t^k lose about k log10(1 + sqrt(2)) digits on [-1, 1]: for small k only.
+    """
+    rows, coefficients = [], []
+    for m, count, first in zip(series.m, series.count, series.offset, strict=True):
+        terms = slice(first, first + count)
+        for sine, part in enumerate((series.cosine[terms], series.sine[terms])):
+            used = np.flatnonzero(part)
+            if len(used) == 0:
+                continue
+            powers, before, now = np.zeros(1), np.zeros(1), np.ones(1)
+            for k in range(used[-1] + 1):
+                powers = np.polynomial.polynomial.polyadd(powers, part[k] * now)
+                step = [series.beta[terms][k], series.alpha[terms][k]]
+                following = np.polynomial.polynomial.polyadd(
+                    np.polynomial.polynomial.polymul(step, now), series.gamma[terms][k] * before
+                )
+                before, now = now, following
+            rows.append((m, sine, len(powers)))
+            coefficients.append(powers[::-1])
+    order, sine, count = np.array(rows, np.int32).reshape(-1, 3).T
+    return PowerRows(order, sine, count, np.concatenate([np.zeros(0), *coefficients]))
+
+
 def evaluate_series(
     series: RadialSeries, x: ArrayLike, y: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

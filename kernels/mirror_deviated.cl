@@ -1,25 +1,37 @@
 // The mirror as made: the design surface plus a Zernike deviation along z, carried apart so that neither loses digits.
+// Verbs as in mirror_nominal.cl. World frame, mm.
 #include "surface_*.cl"
 #include "aperture_*.cl"
-#include "zernike.cl"
+#include "zernike_*.cl"
 
-// As in mirror_nominal.cl. From the point on the design surface the line is followed to the deviated one by Newton
-// steps (mirror->newton_steps, chosen on the host from the deviation's size): the first moves along the line by the
-// height over its slope against the surface, further ones only refine the deviation's own argument.
-INLINE maskv mirror_meet(__constant Scene *scene, realv x0, realv y0, realv p, realv q, vec3v *point, vec3v *normal) {
-    __constant Mirror *mirror = &scene->mirror;
-    const maskv met = surface_meet(mirror, x0, y0, p, q, point);
-    const vec3v base = *point;
-    const vec3v base_normal = surface_normal(mirror, base);
-    const realv approach = base_normal.z / (base_normal.z + p * base_normal.x + q * base_normal.y);
-    realv height, slope_x, slope_y;
-    for (int step = 0; step < mirror->newton_steps; ++step) {
-        height = zernike_deviation(&scene->zernike, point->x, point->y, &slope_x, &slope_y);
-        const realv dz = height * approach;
-        *point = (vec3v){base.x + p * dz, base.y + q * dz, base.z + dz};
+// Where a line met the mirror, and the deviation and its slopes there; false: it missed the surface or its aperture.
+typedef struct { vec3v point; maskv on_mirror; realv height, slope_x, slope_y; } Meeting;
+
+INLINE Meeting mirror_meet(__constant Scene *scene, const Line *line) {
+    Meeting at;
+    at.on_mirror = surface_meet(&scene->mirror, line->x0, line->y0, line->p, line->q, &at.point);
+    return at;
+}
+
+// Follows the line from the design surface to the deviated one by Newton steps (mirror.newton_steps, chosen on the host
+// from the deviation's size): the first moves by the height over the line's slope against the surface, further ones only
+// refine the deviation's own argument.
+INLINE void mirror_deviate(__constant Scene *scene, const Line *line, Meeting *at) {
+    const vec3v base = at->point;
+    const vec3v normal = surface_normal(&scene->mirror, base);
+    const realv approach = normal.z / (normal.z + line->p * normal.x + line->q * normal.y);
+    for (int step = 0; step < scene->mirror.newton_steps; ++step) {
+        at->height = zernike_deviation(&scene->zernike, at->point.x, at->point.y, &at->slope_x, &at->slope_y);
+        const realv dz = at->height * approach;
+        at->point = (vec3v){base.x + line->p * dz, base.y + line->q * dz, base.z + dz};
     }
-    *normal = surface_normal(mirror, (vec3v){point->x, point->y, point->z - height});   // the design's, under the point
-    normal->x -= slope_x * normal->z;
-    normal->y -= slope_y * normal->z;
-    return met & aperture_contains(mirror, *point);
+    at->on_mirror &= aperture_contains(&scene->mirror, at->point);
+}
+
+// The design's normal under the point, tilted by the deviation's slopes.
+INLINE vec3v mirror_normal(__constant Scene *scene, const Meeting *at) {
+    vec3v normal = surface_normal(&scene->mirror, (vec3v){at->point.x, at->point.y, at->point.z - at->height});
+    normal.x -= at->slope_x * normal.z;
+    normal.y -= at->slope_y * normal.z;
+    return normal;
 }

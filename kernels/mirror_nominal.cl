@@ -1,11 +1,19 @@
-// The mirror as designed: where a line meets it and the normal there.
+// The mirror as designed: where a line meets it and the normal there. World frame, mm.
 #include "surface_*.cl"
 #include "aperture_*.cl"
 
-// The line is (x0 + p z, y0 + q z, z), in the mirror's frame, mm. Returns true where it meets the mirror's aperture.
-INLINE maskv mirror_meet(__constant Scene *scene, realv x0, realv y0, realv p, realv q, vec3v *point, vec3v *normal) {
-    __constant Mirror *mirror = &scene->mirror;
-    const maskv met = surface_meet(mirror, x0, y0, p, q, point);
-    *normal = surface_normal(mirror, *point);
-    return met & aperture_contains(mirror, *point);
+// Where a line met the mirror; false: it missed the surface or its aperture.
+typedef struct { vec3v point; maskv on_mirror; } Meeting;
+
+INLINE Meeting mirror_meet(__constant Scene *scene, const Line *line) {
+    Meeting at;
+    at.on_mirror = surface_meet(&scene->mirror, line->x0, line->y0, line->p, line->q, &at.point);
+    at.on_mirror &= aperture_contains(&scene->mirror, at.point);
+    return at;
+}
+
+INLINE void mirror_deviate(__constant Scene *scene, const Line *line, Meeting *at) {}
+
+INLINE vec3v mirror_normal(__constant Scene *scene, const Meeting *at) {
+    return surface_normal(&scene->mirror, at->point);
 }

@@ -1,4 +1,4 @@
-// One adjoint path in three stages: emit (detector pixel -> aperture -> line), mirror_reflect, arrive (screen).
+// One adjoint path in stages: emit (detector pixel -> aperture -> line), mirror_meet, mirror_deviate, arrive (screen).
 // Frames as in path_forward.cl.
 #include "reflection.cl"
 #include "device_frame.cl"
@@ -26,7 +26,8 @@ INLINE Line adjoint_emit(__constant Scene *scene, const Receiver *receiver, cons
 }
 
 // Where the ray crosses the screen's plane, in the screen's frame; false: it runs away from it.
-INLINE maskv adjoint_arrive(__constant Scene *scene, const Reflection *ray, realv *u, realv *v) {
+INLINE maskv adjoint_arrive(__constant Scene *scene, const Line *line, const Meeting *met, realv *u, realv *v) {
     realv slope_u, slope_v;
-    return frame_arrive(&scene->screen, ray->point, ray->direction, u, v, &slope_u, &slope_v);
+    const vec3v direction = reflect(line, mirror_normal(scene, met));
+    return frame_arrive(&scene->screen, met->point, direction, u, v, &slope_u, &slope_v);
 }

@@ -31,6 +31,9 @@ INLINE realv real_sqrt(realv x) { return sqrt(x); }
 INLINE intv count_mask(intv counts, maskv mask) { return counts + mask; }
 INLINE uint count_lanes(intv counts) { return (uint)counts; }
 
+INLINE ulong mask_word(maskv mask) { return mask; }
+INLINE int lowest_lane(ulong word) { return 0; }
+
 INLINE wordv reverse_bits(wordv x) {
     x = (x >> 1 & 0x55555555u) | (x & 0x55555555u) << 1;
     x = (x >> 2 & 0x33333333u) | (x & 0x33333333u) << 2;

@@ -1,4 +1,4 @@
-// Vector types for CPUs: WIDTH rays side by side in one work-item (a build option: 4, 8 or 16).
+// Vector types for CPUs: WIDTH rays side by side in one work-item (a build option: 8 or 16).
 //
 // Only operators and the compiler's own builtins are used on vectors, never library functions: some CPU drivers ship
 // their function library for another instruction set than the one they compile kernels for, and a 512-bit argument
@@ -48,6 +48,21 @@ INLINE uint count_lanes(intv counts) {
     uint count = 0;
     for (int i = 0; i < WIDTH; ++i) count += ((int *)&counts)[i];
     return count;
+}
+
+// A mask as one scalar with one set bit per set lane: lane j has bit j / 8 of byte j % 8.
+typedef char lane_bytes __attribute__((ext_vector_type(WIDTH)));
+
+INLINE ulong mask_word(maskv mask) {
+    const lane_bytes bytes = __builtin_convertvector(mask, lane_bytes);
+    ulong word = 0;
+    for (int part = 0; part < WIDTH / 8; ++part) word |= (((const ulong *)&bytes)[part] & 0x0101010101010101UL) << part;
+    return word;
+}
+
+INLINE int lowest_lane(ulong word) {
+    const int bit = __builtin_ctzl(word);
+    return bit / 8 + bit % 8 * 8;
 }
 
 // The words' bits in opposite order.

@@ -6,15 +6,16 @@
 typedef struct {
     Words words;
     Line lines[BLOCK_VECTORS];
-    Reflection reflections[BLOCK_VECTORS];
+    Meeting meetings[BLOCK_VECTORS];
     realv weight[BLOCK_VECTORS];
     intv bin[BLOCK_VECTORS], amount[BLOCK_VECTORS];
 } Block;
 
 // The bin of a ray: in the window, or the fate's behind it.
-INLINE maskv ray_bin(__constant Scene *scene, const Launch *launch, const Receiver *receiver, const Reflection *ray) {
+INLINE maskv ray_bin(__constant Scene *scene, const Launch *launch, const Receiver *receiver, const Line *line,
+                     const Meeting *met) {
     realv u, v;
-    const maskv ahead = adjoint_arrive(scene, ray, &u, &v);
+    const maskv ahead = adjoint_arrive(scene, line, met, &u, &v);
     const int columns = launch->window_columns, rows = launch->window_rows, fates = columns * rows;
     const realv x = u * scene->inverse_screen_pitch + (scene->screen_left - receiver->column);
     const realv y = v * scene->inverse_screen_pitch + (scene->screen_top - receiver->row);
@@ -25,7 +26,7 @@ INLINE maskv ray_bin(__constant Scene *scene, const Launch *launch, const Receiv
     maskv bin = on_screen ? (maskv)(fates + FATE_OFF_WINDOW) : (maskv)(fates + FATE_OFF_SCREEN);
     bin = in_window ? inside : bin;
     bin = u != u ? (maskv)(fates + FATE_FAILED) : bin;
-    return ray->on_mirror ? bin : (maskv)(fates + FATE_MISSED_MIRROR);
+    return met->on_mirror ? bin : (maskv)(fates + FATE_MISSED_MIRROR);
 }
 
 // First passes, branch-free: bins and amounts of a block of rays. Rays count as one in the bins of the fates.
@@ -35,9 +36,10 @@ INLINE void block_trace(Block *block, __constant Scene *scene, const Launch *lau
     sampler_block(sampler, first, &block->words);
     for (int v = 0; v < BLOCK_VECTORS; ++v)
         block->lines[v] = adjoint_emit(scene, receiver, &block->words, v, &block->weight[v]);
-    for (int v = 0; v < BLOCK_VECTORS; ++v) block->reflections[v] = mirror_reflect(scene, &block->lines[v]);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) block->meetings[v] = mirror_meet(scene, &block->lines[v]);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) mirror_deviate(scene, &block->lines[v], &block->meetings[v]);
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
-        const intv bin = to_int(ray_bin(scene, launch, receiver, &block->reflections[v]));
+        const intv bin = to_int(ray_bin(scene, launch, receiver, &block->lines[v], &block->meetings[v]));
         const intv amount = to_int(block->weight[v] * receiver->weight_scale + (real)0.5);
         block->bin[v] = bin;
         block->amount[v] = bin < window_bins ? amount : (intv)(1);

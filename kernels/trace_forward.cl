@@ -4,56 +4,49 @@
 #include "accumulate_*.cl"
 
 // A block of rays between its passes. Passes are short on purpose: a path is one long chain of dependent operations, and
-// only in a short loop does a processor see enough rays at a time to keep its units busy.
+// only in a short loop does a processor see enough rays at a time to keep its units busy (docs/performance.md).
 typedef struct {
     Words words;
+    Direction aims[BLOCK_VECTORS];
     Line lines[BLOCK_VECTORS];
-    Reflection reflections[BLOCK_VECTORS];
+    Meeting meetings[BLOCK_VECTORS];
     Arrival arrivals[BLOCK_VECTORS];
-    int index[BLOCK];
+    ulong through[BLOCK_VECTORS];         // lanes that came through the camera's aperture, as mask_word gives them
     intv on_mirror, clipped;              // counts per lane
 } Block;
 
 // First passes, branch-free: all rays of the block to the camera's aperture.
-INLINE void block_trace(Block *block, __constant Scene *scene, const Emitter *emitter, Sampler *sampler,
-                        ulong first, uint count) {
+INLINE void block_trace(Block *block, __constant Scene *scene, const Emitter *emitter, Sampler *sampler, ulong first,
+                        uint count) {
     sampler_block(sampler, first, &block->words);
-    for (int v = 0; v < BLOCK_VECTORS; ++v) block->lines[v] = forward_emit(scene, emitter, &block->words, v);
-    for (int v = 0; v < BLOCK_VECTORS; ++v) block->reflections[v] = mirror_reflect(scene, &block->lines[v]);
-    intv on_mirror = block->on_mirror, clipped = block->clipped;
+    for (int v = 0; v < BLOCK_VECTORS; ++v) block->aims[v] = forward_aim(emitter, &block->words, v);
+    for (int v = 0; v < BLOCK_VECTORS; ++v)
+        block->lines[v] = forward_emit(scene, emitter, &block->aims[v], &block->words, v);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) block->meetings[v] = mirror_meet(scene, &block->lines[v]);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) mirror_deviate(scene, &block->lines[v], &block->meetings[v]);
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
         const maskv valid = to_mask(lane_index() + v * WIDTH < count);
-        Arrival at = forward_arrive(scene, &block->reflections[v]);
-        at.through &= valid;
-        on_mirror = count_mask(on_mirror, valid & block->reflections[v].on_mirror);
-        clipped = count_mask(clipped, valid & at.clipped);
+        const Arrival at = forward_arrive(scene, &block->lines[v], &block->meetings[v]);
         block->arrivals[v] = at;
+        block->through[v] = mask_word(valid & at.through);
+        block->on_mirror = count_mask(block->on_mirror, valid & block->meetings[v].on_mirror);
+        block->clipped = count_mask(block->clipped, valid & at.clipped);
     }
-    block->on_mirror = on_mirror;
-    block->clipped = clipped;
 }
 
-// Second pass: only the rays that came through the aperture. Returns how many of them landed on the detector.
-INLINE uint block_detect(Block *block, __constant Scene *scene, Hits *hits, uint *off_detector) {
-    int through = 0;
+// Last pass: only the rays that came through the aperture. Returns how many of them landed on the detector.
+INLINE uint block_detect(const Block *block, __constant Scene *scene, Hits *hits, uint *off_detector) {
+    uint through = 0, detected = 0;
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
-        const intv through_lanes = to_int(block->arrivals[v].through);
-        const int *mask = (const int *)&through_lanes;
-        #pragma unroll
-        for (int lane = 0; lane < WIDTH; ++lane) {
-            block->index[through] = v * WIDTH + lane;
-            through += mask[lane] & 1;
+        const Arrival *at = &block->arrivals[v];
+        for (ulong lanes = block->through[v]; lanes != 0; lanes &= lanes - 1, ++through) {
+            const int lane = lowest_lane(lanes);
+            const int pixel = detector_pixel(scene, ((const real *)&at->a)[lane], ((const real *)&at->b)[lane],
+                                             ((const real *)&at->slope_a)[lane], ((const real *)&at->slope_b)[lane]);
+            if (pixel < 0) continue;
+            hits_add(hits, pixel);
+            ++detected;
         }
-    }
-    uint detected = 0;
-    for (int i = 0; i < through; ++i) {
-        const int lane = block->index[i] % WIDTH;
-        const Arrival *at = &block->arrivals[block->index[i] / WIDTH];
-        const int pixel = detector_pixel(scene, ((const real *)&at->a)[lane], ((const real *)&at->b)[lane],
-                                         ((const real *)&at->slope_a)[lane], ((const real *)&at->slope_b)[lane]);
-        if (pixel < 0) continue;
-        hits_add(hits, pixel);
-        ++detected;
     }
     *off_detector += through - detected;
     return detected;

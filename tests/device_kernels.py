@@ -27,11 +27,12 @@ class SmallKernel:
         self.width = width or device.vector_width(precision)
         self.block = 256 if self.width > 1 else 1  # BLOCK of kernels/simd_*.cl
         self.words = 16 if self.width > 1 else 1  # WORD_LANES
-        structs, choices, self._scene = {"Launch": LAUNCH}, {}, None
+        structs, choices, constants, self._scene = {"Launch": LAUNCH}, {}, {}, None
         if scene is not None:
             packed = pack(Calibration(scene), precision)
             structs, choices, self._scene = packed.structs, packed.choices, packed.scene
-        source = compose(entry, choices | {"sampler": "philox"}, structs, precision, self.width)
+            constants = packed.constants
+        source = compose(entry, choices | {"sampler": "philox"}, structs, precision, self.width, constants)
         self._work = Workspace(device, source, entry.stem)
 
     def run(self, grid: tuple[int, int], inputs: list, outputs: list[np.ndarray]) -> list[np.ndarray]:

@@ -98,10 +98,10 @@ def test_vector_width():
     facts.version = "OpenCL 3.0 PoCL HSTR: pthread-x86_64-pc-linux-gnu-skylake-avx512"
     assert (FOUND[0].vector_width("fp32"), FOUND[0].vector_width("fp64")) == (16, 8)
     facts.version = "OpenCL 3.0 PoCL HSTR: pthread-x86_64-pc-linux-gnu-znver3"  # compiled for AVX2
-    assert (FOUND[0].vector_width("fp32"), FOUND[0].vector_width("fp64")) == (8, 4)
+    assert (FOUND[0].vector_width("fp32"), FOUND[0].vector_width("fp64")) == (8, 8)
     facts.version = "OpenCL 3.0"
     facts.native_vector_width_float, facts.native_vector_width_double = 32, 2
-    assert (FOUND[0].vector_width("fp32"), FOUND[0].vector_width("fp64")) == (16, 4)
+    assert (FOUND[0].vector_width("fp32"), FOUND[0].vector_width("fp64")) == (16, 8)
     assert FOUND[1].vector_width("fp32") == FOUND[5].vector_width("fp64") == 1
 
 

@@ -122,17 +122,20 @@ def test_contains_knows_rim_hole_and_margin():
     np.testing.assert_array_equal(surface.contains(y, -x), surface.contains(x, y))
 
 
-MEET = """    const __global real *line = lines + 4 * WIDTH * get_global_id(0);
+MEET = """    const __global real *given = lines + 4 * WIDTH * get_global_id(0);
     realv of[4];
     for (int lane = 0; lane < WIDTH; ++lane)
-        for (int i = 0; i < 4; ++i) ((real *)&of[i])[lane] = line[4 * lane + i];
-    vec3v point, normal;
-    const maskv met = mirror_meet(scene, of[0], of[1], of[2], of[3], &point, &normal);
-    const realv values[6] = {point.x, point.y, point.z, normal.x, normal.y, normal.z};
+        for (int i = 0; i < 4; ++i) ((real *)&of[i])[lane] = given[4 * lane + i];
+    const Line line = {of[0], of[1], of[2], of[3]};
+    Meeting at = mirror_meet(scene, &line);
+    mirror_deviate(scene, &line, &at);
+    const vec3v normal = mirror_normal(scene, &at);
+    const intv met = to_int(at.on_mirror);
+    const realv values[6] = {at.point.x, at.point.y, at.point.z, normal.x, normal.y, normal.z};
     for (int lane = 0; lane < WIDTH; ++lane) {
         const size_t ray = get_global_id(0) * WIDTH + lane;
         for (int i = 0; i < 6; ++i) out[6 * ray + i] = ((const real *)&values[i])[lane];
-        marks[ray] = ((const MASK *)&met)[lane] & 1;
+        marks[ray] = ((const int *)&met)[lane] & 1;
     }"""
 
 
@@ -142,7 +145,7 @@ def test_device_meets_the_same_points_with_the_same_slopes(device, tmp_path, pre
     surface = Surface.of(scene.mirror)
     entry = kernel_text(
         tmp_path / "meet.cl",
-        ["mirror_*.cl"],
+        ["reflection.cl"],
         "__constant Scene *scene, __global const real *lines, __global real *out, __global int *marks",
         MEET,
     )

@@ -18,13 +18,14 @@ __kernel void trace_paths_adjoint(__constant Scene *scene, const Launch launch, 
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
         realv weight, at_u, at_v, disk_x, disk_y;
         const Line line = adjoint_emit(scene, &receiver, &words, v, &weight);
-        const Reflection ray = mirror_reflect(scene, &line);
-        const maskv ahead = adjoint_arrive(scene, &ray, &at_u, &at_v);
+        Meeting met = mirror_meet(scene, &line);
+        mirror_deviate(scene, &line, &met);
+        const maskv ahead = adjoint_arrive(scene, &line, &met, &at_u, &at_v);
         unit_disk(ray_words(&words, ADJOINT_APERTURE_RADIUS, v), ray_words(&words, ADJOINT_APERTURE_ANGLE, v),
                   &disk_x, &disk_y);
-        const realv values[FIELDS] = {line.x0, line.y0, ray.point.x, ray.point.y, ray.point.z, at_u, at_v, weight,
+        const realv values[FIELDS] = {line.x0, line.y0, met.point.x, met.point.y, met.point.z, at_u, at_v, weight,
                                       disk_x, disk_y};
-        const intv masks[2] = {to_int(ray.on_mirror), to_int(ahead)};
+        const intv masks[2] = {to_int(met.on_mirror), to_int(ahead)};
         for (int lane = 0; lane < WIDTH; ++lane) {
             const size_t j = block * BLOCK + v * WIDTH + lane;
             for (int i = 0; i < FIELDS; ++i) paths[j * FIELDS + i] = ((const real *)&values[i])[lane];

@@ -18,14 +18,16 @@ __kernel void trace_paths_forward(__constant Scene *scene, const Launch launch, 
     sampler_begin(&sampler, &launch, streams[get_global_id(0)]);
     sampler_block(&sampler, launch.first_ray + get_global_id(1) * BLOCK, &words);
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
-        const Line line = forward_emit(scene, &emitter, &words, v);
-        const Reflection ray = mirror_reflect(scene, &line);
-        const Arrival at = forward_arrive(scene, &ray);
+        const Direction aim = forward_aim(&emitter, &words, v);
+        const Line line = forward_emit(scene, &emitter, &aim, &words, v);
+        Meeting met = mirror_meet(scene, &line);
+        mirror_deviate(scene, &line, &met);
+        const Arrival at = forward_arrive(scene, &line, &met);
         realv disk_x, disk_y;
         unit_disk(ray_words(&words, FORWARD_AIM_RADIUS, v), ray_words(&words, FORWARD_AIM_ANGLE, v), &disk_x, &disk_y);
-        const realv values[FIELDS] = {line.x0, line.y0, ray.point.x, ray.point.y, ray.point.z,
+        const realv values[FIELDS] = {line.x0, line.y0, met.point.x, met.point.y, met.point.z,
                                       at.a, at.b, at.slope_a, at.slope_b, disk_x, disk_y};
-        const intv masks[2] = {to_int(ray.on_mirror), to_int(at.through)};
+        const intv masks[2] = {to_int(met.on_mirror), to_int(at.through)};
         for (int lane = 0; lane < WIDTH; ++lane) {
             const size_t j = block * BLOCK + v * WIDTH + lane;
             for (int i = 0; i < FIELDS; ++i) paths[j * FIELDS + i] = ((const real *)&values[i])[lane];

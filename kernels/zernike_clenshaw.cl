@@ -1,5 +1,5 @@
 // Zernike deviation of the mirror along z and its gradient, by Clenshaw's recurrence on Jacobi polynomials: stable to
-// radial order 40 and beyond, unlike sums of powers. Frame: the mirror's. Unit: mm.
+// radial order 40 and beyond, unlike the sums of powers of zernike_power.cl. Frame: the mirror's. Unit: mm.
 //
 // W = sum over azimuthal orders m of Re[conj(a_m) zeta^m], zeta = (x + i y) / radius, s = |zeta|^2, where a_m's real part
 // (cosine terms) and imaginary part (sine terms) are series sum_k c_k P_k(t) in t = 2 s - 1 with

@@ -1,0 +1,45 @@
+// Zernike deviation of the mirror along z and its gradient, by Horner's rule in t = 2 s - 1, s = (x^2 + y^2) / radius^2: for
+// a few radial terms (on [-1, 1] powers up to t^5 lose at most two digits; zernike_clenshaw.cl has no such limit).
+// Frame: the mirror's. Unit: mm.
+//
+// W = sum over rows of c(t) B, where B is the real part (cosine rows) or the imaginary part (sine rows) of zeta^m,
+// zeta = (x + i y) / radius. The coefficients come from irtscots_cl/zernikes.py. Which rows there are (zernike_order,
+// zernike_sine, zernike_count) is part of the generated declarations, so that all loops unroll.
+#include "simd_*.cl"
+
+// Returns the deviation [mm] at (x, y) [mm]; its slopes go to slope_x, slope_y.
+INLINE realv zernike_deviation(__constant Zernike *zernike, realv x_mm, realv y_mm, realv *slope_x, realv *slope_y) {
+    const realv x = x_mm * zernike->inverse_radius, y = y_mm * zernike->inverse_radius;
+    const realv t = 2 * (x * x + y * y) - 1;
+    realv height = 0, radial_slope = 0, gradient_x = 0, gradient_y = 0;
+    realv power_re = 1, power_im = 0, lower_re = 0, lower_im = 0;   // zeta^m and zeta^(m-1)
+    __constant real *coefficient = zernike->coefficient;
+    int m = 0;
+    #pragma unroll
+    for (int row = 0; row < (int)(sizeof(zernike_order) / sizeof(int)); ++row) {
+        #pragma unroll
+        for (; m < zernike_order[row]; ++m) {
+            lower_re = power_re;
+            lower_im = power_im;
+            power_re = lower_re * x - lower_im * y;
+            power_im = lower_re * y + lower_im * x;
+        }
+        realv c = coefficient[0], c_dt = 0;                         // highest power first
+        #pragma unroll
+        for (int k = 1; k < zernike_count[row]; ++k) {
+            c_dt = c_dt * t + c;
+            c = c * t + coefficient[k];
+        }
+        coefficient += zernike_count[row];
+        const bool sine = zernike_sine[row];
+        const realv base = sine ? power_im : power_re;
+        const realv mc = m * c;
+        height += c * base;
+        radial_slope += c_dt * base;
+        gradient_x += mc * (sine ? lower_im : lower_re);
+        gradient_y += mc * (sine ? lower_re : -lower_im);
+    }
+    *slope_x = (gradient_x + 4 * x * radial_slope) * zernike->inverse_radius;
+    *slope_y = (gradient_y + 4 * y * radial_slope) * zernike->inverse_radius;
+    return height;
+}
