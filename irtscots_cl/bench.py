@@ -17,19 +17,19 @@ from pathlib import Path
 
 import numpy as np
 
-from irtscots_cl.calibration import Calibration
+from irtscots_cl.calibration import calibrate
 from irtscots_cl.device import Device
 from irtscots_cl.execution import Workspace
 from irtscots_cl.presets import load_scene
 from irtscots_cl.program import compose
 from irtscots_cl.report import Table, versions
 from irtscots_cl.scene import Scene, ZernikeTerms
-from irtscots_cl.tracer import Tracer
+from irtscots_cl.tracer import TraceOptions, Tracer
 
-ROUNDS = {True: 3, False: 9}             # timed rounds, quick or not
-SECONDS = {True: 0.12, False: 0.5}       # of one timed trace
-FIRST_RAYS = 2**22                       # before a case's speed is known
-FMA_CHAINS, FMA_STEPS = 16, 2000         # enough independent chains to fill the units
+ROUNDS = {True: 3, False: 9}  # timed rounds, quick or not
+SECONDS = {True: 0.12, False: 0.5}  # of one timed trace
+FIRST_RAYS = 2**22  # before a case's speed is known
+FMA_CHAINS, FMA_STEPS = 16, 2000  # enough independent chains to fill the units
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,11 @@ def default_cases(device: Device, quick: bool) -> list[Case]:
     cases += [Case("one feature alone, forward", name, scene) for name, scene in _features(sphere).items()]
     if device.has_fp64:
         cases.append(Case("one feature alone, forward", "double precision", sphere, precision="fp64"))
+    cases.append(Case("one feature alone, forward", "sums by atomics", sphere, accumulate="atomic"))
     for estimator in ("forward", "adjoint"):
-        cases.append(Case("limit", f"sphere, {estimator}, no accumulation", sphere, estimator, accumulate="none"))
+        cases.append(
+            Case("limit", f"sphere, {estimator}, philox, no accumulation", sphere, estimator, accumulate="none")
+        )
     return cases
 
 
@@ -97,21 +100,19 @@ def _features(sphere: Scene) -> dict[str, Scene]:
 
 def time_cases(cases: list[Case], device: Device, quick: bool) -> list[Timing]:
     """Build and warm up all cases, then time them in turn."""
-    runs = []
-    for case in cases:
-        tracer = Tracer(Calibration(case.scene), device, case.estimator, case.sampler, case.precision,
-                        accumulate=case.accumulate)  # fmt: skip
-        rays = max(1, FIRST_RAYS // tracer.streams)
-        for _ in range(2):   # the first run builds and warms up, the second tells how many rays fill the time
-            rate = tracer.throughput(rays)
-            rays = max(1, int(rate * SECONDS[quick] / 2) // tracer.streams)
-        runs.append((case, tracer, max(1, int(rate * SECONDS[quick]) // tracer.streams)))
-    rates: list[list[float]] = [[] for _ in runs]
+    tracers = [
+        Tracer(calibrate(case.scene), device, TraceOptions(case.estimator, case.sampler, case.precision),
+               accumulate=case.accumulate)
+        for case in cases
+    ]  # fmt: skip
+    rays = [int(tracer.throughput(FIRST_RAYS) * SECONDS[quick]) for tracer in tracers]
+    rates: list[list[float]] = [[] for _ in cases]
     for _ in range(ROUNDS[quick]):
-        for k, (_, tracer, rays) in enumerate(runs):
-            rates[k].append(tracer.throughput(rays))
-    return [Timing(case, device.vector_width(case.precision), tuple(rate))
-            for (case, _, _), rate in zip(runs, rates, strict=True)]  # fmt: skip
+        for tracer, count, rate in zip(tracers, rays, rates, strict=True):
+            rate.append(tracer.throughput(count))
+    return [
+        Timing(case, device.vector_width(case.precision), tuple(rate)) for case, rate in zip(cases, rates, strict=True)
+    ]
 
 
 def multiply_add_rate(device: Device) -> float:
@@ -175,3 +176,20 @@ def bench_tables(results: dict) -> list[Table]:
             for row in results["cases"] if row["group"] == group])
         for group in groups
     ]  # fmt: skip
+
+
+def write_plot(results: dict, path: Path) -> None:
+    """Bars of all cases, with whiskers from the slowest to the fastest round."""
+    from matplotlib.figure import Figure
+
+    from irtscots_cl.files import replacing
+
+    rows = results["cases"][::-1]
+    figure = Figure(figsize=(9, 0.28 * len(rows) + 1.2), layout="constrained")
+    axes = figure.subplots()
+    rates = np.array([[row[key] for row in rows] for key in ("lowest", "rays_per_second", "highest")]) / 1e6
+    axes.barh(range(len(rows)), rates[1], xerr=np.abs(np.diff(rates, axis=0)), color="tab:blue", ecolor="0.3")
+    axes.set_yticks(range(len(rows)), [f"{row['group'].split(',')[0]}: {row['name']}" for row in rows], fontsize=7)
+    axes.set(xlabel="M rays/s", title=f"{results['device']['name']}, {results['device']['platform']}")
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=120)

@@ -7,7 +7,7 @@ All maps have the detector's shape [rows, columns]; coordinates in mm.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -24,8 +24,8 @@ class Footprint:
     """What the detector pixels see of the mirror.
 
     x_mm, y_mm: the centroid of the part of the pixel's footprint that lies on the mirror (NaN where there is none).
-    u_mm, v_mm: the mean of that part's chief rays on the screen's plane, in the screen's frame. It is not quite where the
-    chief ray of the centroid lands: over a footprint the landing point is not a linear function.
+    u_mm, v_mm: the mean of that part's chief rays on the screen's plane, in the screen's frame. It is not quite where
+    the chief ray of the centroid lands: over a footprint the landing point is not a linear function.
     coverage: that part as a fraction of the footprint.
     """
 
@@ -117,7 +117,7 @@ class Calibration:
         return Footprint(*maps, coverage)
 
     def _sampled(self, row, column, per_axis: int, margin_mm: float) -> tuple[np.ndarray, np.ndarray]:
-        """Means of x, y, u, v [4, n] and covered fraction [n] of pixels (row, column) [n], per_axis^2 chief rays each."""
+        """Means of x, y, u, v [4, n] and covered fraction [n] of pixels (row, column) [n], per_axis^2 rays each."""
         # two points per axis: the Gauss rule, exact for a footprint's cubic distortion
         step = np.array([-0.5, 0.5]) / np.sqrt(3.0) if per_axis == 2 else (np.arange(per_axis) + 0.5) / per_axis - 0.5
         step_row, step_column = (s.ravel() for s in np.meshgrid(step, step, indexing="ij"))
@@ -166,6 +166,12 @@ class Calibration:
         along_row = (corner[1:, :-1] - corner[:-1, :-1] + corner[1:, 1:] - corner[:-1, 1:]) / 2
         along_column = (corner[:-1, 1:] - corner[:-1, :-1] + corner[1:, 1:] - corner[1:, :-1]) / 2
         return half_width, np.abs(along_row), np.abs(along_column)
+
+
+@lru_cache(maxsize=4)
+def calibrate(scene: Scene) -> Calibration:
+    """The calibration of a scene, shared by all who ask for the same one: its maps are computed once."""
+    return Calibration(scene)
 
 
 def check_visible(calibration: Calibration, source: str) -> None:

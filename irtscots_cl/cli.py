@@ -14,6 +14,10 @@ from typing import NoReturn
 from irtscots_cl.presets import load_scene, preset_names, preset_text
 from irtscots_cl.scene import Scene, SceneError
 
+DEVICE_HELP = (
+    "part of a device's name, its index such as 0:0, cpu or gpu; "
+    "default: environment variable IRTSCOTS_DEVICE, or the best found"
+)
 EXIT_BAD_INPUT = 2
 EXIT_NO_DEVICE = 3
 EXIT_INTERRUPTED = 130  # as a shell reports Ctrl-C
@@ -59,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Simulate a SCOTS deflectometry test of a mirror and measure the mirror from the simulated images.",
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for add in (_add_run, _add_scenes, _add_devices, _add_kernel, _add_reconstruct):
+    for add in (_add_run, _add_scenes, _add_devices, _add_kernel, _add_reconstruct, _add_bench):
         add(commands)
     return parser
 
@@ -78,9 +82,9 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
 def _visible_scene(name_or_path: str) -> Scene:
     """A scene that can be traced; refused under the name that the user gave it."""
     scene = load_scene(name_or_path)
-    from irtscots_cl.calibration import Calibration, check_visible
+    from irtscots_cl.calibration import calibrate, check_visible
 
-    check_visible(Calibration(scene), name_or_path)
+    check_visible(calibrate(scene), name_or_path)
     return scene
 
 
@@ -92,15 +96,20 @@ def _add_trace_choices(parser: argparse.ArgumentParser) -> None:
         help="forward (rays leave the screen, as in the paper) or adjoint (rays leave the detector: less noise); "
         "default adjoint",
     )
-    parser.add_argument("--sampler", default="philox", metavar="S", help="philox (independent random numbers; default), sobol (Owen-scrambled Sobol points) or lattice (shifted rank-1 lattice)")
+    parser.add_argument(
+        "--sampler",
+        default="philox",
+        metavar="S",
+        help="philox (independent random numbers; default), sobol (Owen-scrambled Sobol points) or lattice (rank-1 "
+        "lattice, shifted at random)",
+    )
     parser.add_argument(
         "--precision", default="fp32", metavar="P", help="fp32 or fp64 arithmetic on the device; default fp32"
     )
     parser.add_argument(
         "--device",
         metavar="D",
-        help="part of a device's name, its index such as 0:0, cpu or gpu; "
-        "default: environment variable IRTSCOTS_DEVICE, or the best found",
+        help=DEVICE_HELP,
     )
 
 
@@ -265,12 +274,12 @@ def _add_kernel(commands) -> None:
 
 def _kernel(options: argparse.Namespace) -> int:
     scene = _visible_scene(options.scene)
-    from irtscots_cl.calibration import Calibration
+    from irtscots_cl.calibration import calibrate
     from irtscots_cl.device import select_device
     from irtscots_cl.tracer import TraceOptions, Tracer
 
     chosen = TraceOptions(options.estimator, options.sampler, options.precision)
-    source = Tracer(Calibration(scene), select_device(options.device), chosen).source
+    source = Tracer(calibrate(scene), select_device(options.device), chosen).source
     if options.json:
         _print_json({"options": source.options, "files": source.files, "source": source.text})
     else:
@@ -328,6 +337,40 @@ def _reconstruct(options: argparse.Namespace) -> int:
 
         _print_tables([measured_table(facts)])
         print(f"results in {folder}")
+    return 0
+
+
+def _add_bench(commands) -> None:
+    parser = _command(
+        commands,
+        "bench",
+        _bench,
+        "measure the tracer's throughput",
+        "Writes bench.json and bench.png into the output folder.",
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer cases and rounds, under 20 s")
+    parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
+    parser.add_argument(
+        "--out", type=Path, default=Path("irtscots-out/bench"), metavar="DIR", help="default irtscots-out/bench"
+    )
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from irtscots_cl.files import check_output_folder, plain, write_json
+
+    check_output_folder(options.out)
+    from irtscots_cl.bench import bench_tables, run_bench, write_plot
+    from irtscots_cl.device import select_device
+
+    results = run_bench(select_device(options.device), options.quick)
+    options.out.mkdir(parents=True, exist_ok=True)
+    write_json(options.out / "bench.json", results)
+    write_plot(results, options.out / "bench.png")
+    if options.json:
+        _print_json(plain(results))
+    else:
+        _print_tables(bench_tables(results))
+        print(f"multiply-add limit {results['multiply_adds_per_second'] / 1e9:.0f} G/s; results in {options.out}")
     return 0
 
 

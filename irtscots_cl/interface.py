@@ -155,8 +155,8 @@ _C_NAMES = {
 def c_declarations(structs: dict[str, np.dtype], constants: dict[str, tuple[int, ...]] | None = None) -> str:
     """OpenCL C text of the fates, of the structures, each after those that it contains, and of constant tables.
 
-    structs: C name -> dtype; a nested dtype must be named by an entry before it. constants: C name -> whole numbers; they
-    describe the scene's structure, never its values.
+    structs: C name -> dtype; a nested dtype must be named by an entry before it. constants: C name -> whole numbers;
+    they describe the scene's structure, never its values.
     """
     fates = ", ".join(f"FATE_{fate.name} = {fate.value}" for fate in Fate)
     lines = [f"enum {{ {fates}, FATE_COUNT = {len(Fate)} }};"]

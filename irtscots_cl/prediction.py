@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irtscots_cl.calibration import Calibration
+from irtscots_cl.calibration import Calibration, calibrate
 from irtscots_cl.centroids import poisson_error
 from irtscots_cl.images import ImageStack
 from irtscots_cl.reconstruction import Reconstruction
@@ -44,7 +44,7 @@ class PredictedError:
 
 def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
     """Predict the slope and height errors of a reconstruction from its own light curves."""
-    calibration = Calibration(result.nominal)
+    calibration = calibrate(result.nominal)
     scale = _slope_per_mm(calibration, result)
     mask, noise, bias = result.mask, [], []
     for k, scan in enumerate((stack.x, stack.y)):

@@ -61,7 +61,8 @@ def compose(
     files: list[str] = []
     pieces = _expand(folder, entry, choices, files)
     # The structures need the types' names only, so they come first, before any kernel file.
-    text = '#line 1 "interface (generated)"\n' + _pragma(precision) + c_declarations(structs, constants) + "".join(pieces)
+    declarations = _pragma(precision) + c_declarations(structs, constants)
+    text = '#line 1 "interface (generated)"\n' + declarations + "".join(pieces)
     options = (f"-DWIDTH={width}",) if width > 1 else ()
     return Source(text, (*options, "-cl-std=CL1.2"), tuple(files))
 

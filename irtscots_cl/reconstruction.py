@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from irtscots_cl.calibration import Calibration
+from irtscots_cl.calibration import Calibration, calibrate
 from irtscots_cl.centroids import centroids
 from irtscots_cl.images import ImageStack, Scan, jackknife_error
 from irtscots_cl.lightcurves import Flag, flag_curves
@@ -74,7 +74,7 @@ def reconstruct(
 
     Raises ValueError if the stack does not fit the scene or no pixel can be used.
     """
-    calibration = Calibration(nominal)
+    calibration = calibrate(nominal)
     if stack.x.shape != calibration.shape or stack.y.shape != calibration.shape:
         raise ValueError(
             f"images of {stack.x.shape} and {stack.y.shape} pixels do not fit the scene's detector "

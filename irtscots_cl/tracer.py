@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irtscots_cl.calibration import Calibration, check_visible
+from irtscots_cl.calibration import Calibration, calibrate, check_visible
 from irtscots_cl.device import Device, select_device
 from irtscots_cl.execution import LocalMemory, Workspace
 from irtscots_cl.interface import LAUNCH, PRECISIONS, WEIGHT_ONE, Fate
@@ -21,6 +21,7 @@ from irtscots_cl.windows import place_windows
 
 ESTIMATORS = ("forward", "adjoint")
 MAX_RAYS_PER_ITEM = 2**18  # of one work-item: amortises its tile, and keeps every 32-bit tile bin below 2^32
+MIN_TIMED_RAYS = 2**14  # of a stream, in a benchmark
 FIRST_LAUNCH_RAYS = 2**24  # before a launch has been timed
 LAUNCH_SECONDS = 0.4  # aimed at, so that progress and interruption stay responsive
 MAX_MARGIN = 8  # screen pixels; chief rays that are wrong by more are a bug
@@ -84,7 +85,7 @@ def trace(
     rays = _share(rays_per_pixel, replicates)
     device = device if device is not None else select_device()
     started = time.perf_counter()
-    calibration = Calibration(scene)
+    calibration = calibrate(scene)
     check_visible(calibration, f"scene {scene.name}")
     margin = 1
     while True:
@@ -224,9 +225,16 @@ class Tracer:
         return counts, fates
 
     def throughput(self, rays: int) -> float:
-        """Rays per second of the kernels in a run of that many rays per stream, one replicate."""
-        self.run(np.array([rays]))
-        return rays * self.streams / self.kernel_seconds
+        """Rays per second of one launch of about that many rays, from its kernel's time.
+
+        Every stream gets enough rays that what is done once per work-item does not count; with many streams, only those
+        in the middle take part.
+        """
+        of_stream = max(rays // self.streams, MIN_TIMED_RAYS)
+        streams = max(1, min(self.streams, rays // of_stream))
+        self.kernel_seconds = 0.0
+        self._launch(0, (self.streams - streams) // 2, streams, 0, of_stream)
+        return of_stream * streams / self.kernel_seconds
 
     def _launch_rays(self) -> int:
         return int(self._rays_per_second * LAUNCH_SECONDS) or FIRST_LAUNCH_RAYS

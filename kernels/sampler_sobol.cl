@@ -28,6 +28,14 @@ __constant uint sobol_direction[DIMENSIONS][POINT_BITS] = {
      0x0100011a, 0x030002a7, 0x0400079e, 0x0a000b6d, 0x1f001001, 0x2e003003, 0x45004004, 0xc900a00a},
 };
 
+// Point number `ray` of the sequence, not scrambled. Points add up by exclusive or.
+INLINE uint sobol_point(int dimension, uint ray) {
+    uint point = 0;
+    // masks instead of branches: the bits of a ray's number are not predictable
+    for (int bit = 0; bit < POINT_BITS; ++bit) point ^= -(ray >> bit & 1) & sobol_direction[dimension][bit];
+    return point;
+}
+
 typedef struct {
     const Launch *launch;
     uint stream, run;                               // run: the ray's number / 2^32, which seed belongs to
@@ -41,10 +49,10 @@ INLINE void sampler_begin(Sampler *sampler, const Launch *launch, uint stream) {
     sampler->run = 0;
     sampler_seeds(launch, stream, 0, sampler->seed);
     for (int d = 0; d < DIMENSIONS; ++d) {
-        uint *point = (uint *)sampler->within[d];
-        point[0] = 0;
-        for (int bit = 0; (1 << bit) < BLOCK; ++bit)
-            for (int j = 0; j < 1 << bit; ++j) point[(1 << bit) + j] = point[j] ^ sobol_direction[d][bit];
+        wordv lanes;
+        for (int lane = 0; lane < WORD_LANES; ++lane) ((uint *)&lanes)[lane] = sobol_point(d, lane);
+        for (int v = 0; v < BLOCK / WORD_LANES; ++v)
+            sampler->within[d][v] = lanes ^ sobol_point(d, (uint)(v * WORD_LANES));
     }
 }
 
@@ -58,14 +66,12 @@ INLINE wordv owen_scramble(wordv reversed, uint seed) {
     return x;
 }
 
-// Words of the rays first ... first + BLOCK - 1; first is a multiple of BLOCK. Points add up by exclusive or.
+// Words of the rays first ... first + BLOCK - 1; first is a multiple of BLOCK.
 INLINE void sampler_block(Sampler *sampler, ulong first, Words *words) {
     const uint run = (uint)(first >> POINT_BITS);
     if (run != sampler->run) sampler_seeds(sampler->launch, sampler->stream, sampler->run = run, sampler->seed);
     for (int d = 0; d < DIMENSIONS; ++d) {
-        uint base = 0;
-        for (int bit = 0; bit < POINT_BITS; ++bit)
-            base ^= -((uint)(first >> bit) & 1) & sobol_direction[d][bit];
+        const uint base = sobol_point(d, (uint)first);
         for (int v = 0; v < BLOCK / WORD_LANES; ++v)
             words->of[d][v] = reverse_bits(owen_scramble(sampler->within[d][v] ^ base, sampler->seed[d]));
     }

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from irtscots_cl.calibration import Calibration
 from irtscots_cl.device import Device
@@ -69,3 +71,31 @@ def launch_of(**values: int) -> np.ndarray:
 def lanes(vector: str, lane: str = "lane") -> str:
     """C text of one lane of a vector of reals, on any width."""
     return f"((const real *)&{vector})[{lane}]"
+
+
+def width_of(device: Device, kind: str) -> int:
+    """Rays side by side: 1 for "scalar", as many as the device likes for "own". Skips the test where these are one."""
+    if kind == "own" and device.vector_width("fp32") == 1:
+        pytest.skip("this device's own width is 1")
+    return 1 if kind == "scalar" else device.vector_width("fp32")
+
+
+def draw_on(device: Device, folder: Path, sampler: str, width: int) -> Callable[..., np.ndarray]:
+    """draw(seed, stream, replicate, first, count) -> words [count, 4] of the device's sampler."""
+    body = """    Sampler sampler;
+    Words words;
+    sampler_begin(&sampler, &launch, stream);
+    sampler_block(&sampler, launch.first_ray + get_global_id(0) * BLOCK, &words);
+    for (int ray = 0; ray < BLOCK; ++ray)
+        for (int i = 0; i < 4; ++i)
+            out[4 * (get_global_id(0) * BLOCK + ray) + i] = ((const uint *)words.of[i])[ray];"""
+    signature = "const Launch launch, uint stream, __global uint *out"
+    entry = kernel_text(folder / "draw.cl", [f"sampler_{sampler}.cl"], signature, body)
+    kernel = SmallKernel(device, entry, "fp32", width=width)
+
+    def draw(seed: int, stream: int, replicate: int, first: int, count: int) -> np.ndarray:
+        launch = launch_of(seed_low=seed & 0xFFFFFFFF, seed_high=seed >> 32, replicate=replicate, first_ray=first)
+        out = np.zeros((-(-count // kernel.block) * kernel.block, 4), np.uint32)
+        return kernel.run((len(out) // kernel.block, 1), [launch, np.uint32(stream)], [out])[0][:count]
+
+    return draw

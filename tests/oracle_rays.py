@@ -46,7 +46,7 @@ def _run(
 
 def _words(streams: np.ndarray) -> np.ndarray:
     """[streams, rays, 4] words of the rays that _run traces."""
-    return np.stack([sample_words(SEED, int(s), 0, FIRST_RAY + np.arange(RAYS)) for s in streams])
+    return np.stack([sample_words("philox", SEED, int(s), 0, FIRST_RAY + np.arange(RAYS)) for s in streams])
 
 
 def forward_rays(device, scene, precision: str) -> Rays:

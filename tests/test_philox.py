@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from device_kernels import SmallKernel, kernel_text, lanes, launch_of
+from device_kernels import SmallKernel, draw_on, kernel_text, lanes, width_of
 from scipy import stats
 from significance import chi_square_p
 
@@ -29,34 +29,13 @@ def words_of(text):
 @pytest.fixture(params=["scalar", "own"])
 def width(request, device):
     """One ray per work-item, and as many side by side as the device likes."""
-    if request.param == "own" and device.vector_width("fp32") == 1:
-        pytest.skip("this device's own width is 1")
-    return 1 if request.param == "scalar" else device.vector_width("fp32")
+    return width_of(device, request.param)
 
 
 @pytest.fixture
 def draw(device, tmp_path, width):
-    """draw(seed, stream, replicate, first, count) -> words [count, 4] of the device's sample_words."""
-    body = """    Sampler sampler;
-    Words words;
-    sampler_begin(&sampler, &launch, stream);
-    sampler_block(&sampler, launch.first_ray + get_global_id(0) * BLOCK, &words);
-    for (int ray = 0; ray < BLOCK; ++ray)
-        for (int i = 0; i < 4; ++i)
-            out[4 * (get_global_id(0) * BLOCK + ray) + i] = ((const uint *)words.of[i])[ray];"""
-    entry = kernel_text(
-        tmp_path / "draw.cl", ["sampler_*.cl"], "const Launch launch, uint stream, __global uint *out", body
-    )
-    kernel = SmallKernel(device, entry, "fp32", width=width)
-
-    def run(seed, stream, replicate, first, count):
-        launch = launch_of(
-            seed_low=seed & 0xFFFFFFFF, seed_high=seed >> 32, replicate=replicate, first_ray=first
-        )
-        out = np.zeros((-(-count // kernel.block) * kernel.block, 4), np.uint32)
-        return kernel.run((len(out) // kernel.block, 1), [launch, np.uint32(stream)], [out])[0][:count]
-
-    return run
+    """draw(seed, stream, replicate, first, count) -> words [count, 4] of the device's philox sampler."""
+    return draw_on(device, tmp_path, "philox", width)
 
 
 @pytest.mark.parametrize(("counter", "key", "output"), KNOWN)
@@ -87,7 +66,7 @@ def test_device_words_equal_the_twins(draw, first):
     rays = np.arange(64, dtype=np.uint64) + np.uint64(first)
     for seed, stream, replicate in [(1, 0, 0), (SEEDS[3], 77, 5), (2**64 - 1, 2**32 - 1, 1023)]:
         np.testing.assert_array_equal(
-            draw(seed, stream, replicate, first, 64), sample_words(seed, stream, replicate, rays)
+            draw(seed, stream, replicate, first, 64), sample_words("philox", seed, stream, replicate, rays)
         )
 
 

@@ -57,7 +57,9 @@ def scene_for(choices):
 
 
 @pytest.mark.parametrize(
-    "choices", [c for c in all_choices() if c["sampler"] == SAMPLERS[0] and c["accumulate"] == "tile"], ids=lambda c: "-".join(c.values())
+    "choices",
+    [c for c in all_choices() if c["sampler"] == SAMPLERS[0] and c["accumulate"] == "tile"],
+    ids=lambda c: "-".join(c.values()),
 )
 def test_every_combination_of_files_composes_and_builds(device, choices):
     packed = pack(Calibration(scene_for(choices)), "fp32")
