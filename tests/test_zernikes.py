@@ -297,6 +297,53 @@ def test_an_empty_series_is_zero():
     assert all(np.array_equal(part, np.zeros(3)) for part in zk.evaluate_series(series, np.ones(3), 0.0))
 
 
+def horner(rows: zk.PowerRows, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """W of power rows: each row's polynomial in t times the real or the imaginary part of zeta^m."""
+    t, value, first = 2 * (x * x + y * y) - 1, np.zeros_like(x), 0
+    for order, sine, count in zip(rows.order.tolist(), rows.sine, rows.count, strict=True):
+        power = (x + 1j * y) ** order
+        radial = np.zeros_like(t)
+        for coefficient in rows.coefficient[first : first + count]:
+            radial = radial * t + coefficient
+        value += radial * (power.imag if sine else power.real)
+        first += count
+    assert first == len(rows.coefficient)
+    return value
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.dictionaries(st.tuples(st.integers(0, 5), st.integers(-6, 6)), st.floats(-1, 1), max_size=20))
+def test_power_rows_evaluate_to_the_series(terms):
+    x, y = disk_points(50)
+    x, y = np.r_[x, 0.0, 1.0, 0.0, -0.6], np.r_[y, 0.0, 0.0, -1.0, 0.8]  # the centre and the rim too
+    series = zk.radial_series({(2 * k + abs(m), m): value for (k, m), value in terms.items()})
+    expected, *_ = zk.evaluate_series(series, x, y)
+    size = np.abs(series.cosine).sum() + np.abs(series.sine).sum()
+    # The powers of t of k = 5, m = 6 sum up to 550 at t = 1, where the polynomial is 1: 550 roundings of 1.1e-16
+    limit = 1e-13 * size + 1e-300  # the last for numbers that underflow
+    np.testing.assert_allclose(horner(zk.power_rows(series), x, y), expected, rtol=0, atol=limit)
+
+
+def test_power_rows_are_those_that_are_not_zero():
+    terms = {(2, 2): 1.0, (6, 2): 0.0, (3, -1): 0.5, (5, 1): 0.0, (4, 0): 2.0, (8, 4): 0.0}
+    rows = zk.power_rows(zk.radial_series(terms))
+    assert rows.order.tolist() == [0, 1, 2]  # ascending, as the kernel raises zeta's power
+    assert rows.sine.tolist() == [0, 1, 0]
+    assert rows.count.tolist() == [3, 2, 1]  # no powers above the last term that is not zero
+    # 2 sqrt(5) (3 t^2 - 1)/2; 0.5 sqrt(8) (3 t - 1)/2; sqrt(6)
+    expected = [3 * sqrt(5), 0, -sqrt(5), 0.75 * sqrt(8), -0.25 * sqrt(8), sqrt(6)]
+    np.testing.assert_allclose(rows.coefficient, expected, rtol=0, atol=2e-15)  # an ulp of 6.7 and half of one
+    both = zk.power_rows(zk.radial_series({(2, 2): 1.0, (2, -2): 1.0}))
+    assert both.order.tolist() == [2, 2] and both.sine.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("terms", [{}, {(0, 0): 0.0}, {(4, 2): 0.0, (7, -3): 0.0}])
+def test_a_series_of_zeros_gives_no_power_rows(terms):
+    rows = zk.power_rows(zk.radial_series(terms))
+    assert [part.shape for part in vars(rows).values()] == [(0,)] * 4
+    assert rows.order.dtype == rows.sine.dtype == rows.count.dtype == np.int32
+
+
 @pytest.mark.parametrize("ordering", zk.ORDERINGS)
 def test_fit_recovers_the_coefficients_in_the_given_order(ordering):
     x, y = disk_points(400)
