@@ -22,11 +22,11 @@ from irtscots_cl.interface import (
     zernike_term_dtype,
 )
 from irtscots_cl.surface import Surface
-from irtscots_cl.zernikes import RadialSeries, power_rows
+from irtscots_cl.zernikes import PowerRows, RadialSeries, power_rows
 
 RIM_POINTS = 32  # of the mirror, to fit the aim's ellipse
 AIM_MARGIN = 1e-4  # of the ellipse's axes, for what is not an ellipse between the rim points
-MAX_POWER_TERMS = 6  # radial terms per azimuthal order: beyond t^5 sums of powers lose more than two digits
+MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
 LARGE_DEVIATION_MM = 5e-3  # beyond it one Newton step leaves more than 1e-9 of slope (fp32's own rounding is 1e-8)
 
 
@@ -55,8 +55,9 @@ def pack(calibration: Calibration, precision: str) -> Packed:
     }
     zernike, tables, choices, constants = None, None, {}, {}
     if deviation is not None:
-        few = deviation.count.max() <= MAX_POWER_TERMS
-        tables, declared, constants = (_zernike_power if few else _zernike_clenshaw)(deviation, real)
+        rows = power_rows(deviation)
+        few = rows.loss <= MAX_POWER_LOSS
+        tables, declared, constants = _zernike_power(rows, real) if few else _zernike_clenshaw(deviation, real)
         tables["inverse_radius"] = 1 / surface.deviation_radius_mm
         zernike = tables.dtype
         choices["zernike"] = "power" if few else "clenshaw"
@@ -124,9 +125,8 @@ def _fill_devices(out: np.ndarray, calibration: Calibration) -> None:
         out[name] = value
 
 
-def _zernike_power(series: RadialSeries, real):
+def _zernike_power(rows: PowerRows, real):
     """Tables [()], structures that they contain, and constants for kernels/zernike_power.cl."""
-    rows = power_rows(series)
     out = np.zeros((), zernike_power_dtype(real, len(rows.coefficient)))
     out["coefficient"] = rows.coefficient
     return out, {}, {f"zernike_{name}": tuple(getattr(rows, name)) for name in ("order", "sine", "count")}

@@ -76,10 +76,14 @@ class Surface:
         p, q = directions[..., 0] / directions[..., 2], directions[..., 1] / directions[..., 2]
         x0, y0 = points_mm[..., 0] - points_mm[..., 2] * p, points_mm[..., 1] - points_mm[..., 2] * q
         base = z = self.quadric.meet(x0, y0, p, q)
-        slope_x, slope_y = self.quadric.gradient(x0 + p * z, y0 + q * z, z)
-        for _ in range(newton_steps if self.deviation is not None else 0):
-            z = base + self.deviation_at(x0 + p * z, y0 + q * z)[0] / (1.0 - p * slope_x - q * slope_y)
         x, y = x0 + p * z, y0 + q * z
+        slope_x, slope_y = self.quadric.gradient(x, y, z)
+        # polynomials explode outside their disk: 2 % outside it, beside any mirror, the design stands for the surface
+        defined = np.hypot(x, y) <= 1.02 * self.deviation_radius_mm
+        for _ in range(newton_steps if self.deviation is not None else 0):
+            height = np.where(defined, self.deviation_at(x, y)[0], 0.0)
+            z = base + height / (1.0 - p * slope_x - q * slope_y)
+            x, y = x0 + p * z, y0 + q * z
         slope_x, slope_y = self.gradient(x, y)
         normal = np.stack([-slope_x, -slope_y, np.ones_like(z)], -1)
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)

@@ -203,21 +203,23 @@ class PowerRows:
     """A `RadialSeries` as rows c(t) B for evaluation by Horner's rule: see kernels/zernike_power.cl.
 
     order, sine, count: int32 [rows], azimuthal order m (ascending), 1 for the sine part, number of powers;
-    coefficient: float64 [sum of count], each row's powers of t from the highest down.
+    coefficient: float64 [sum of count], each row's powers of t from the highest down. loss: how much larger the powers'
+    coefficients are than the Jacobi series', the factor by which rounding errors grow; at most 1 where there is no row.
     """
 
     order: NDArray[np.int32]
     sine: NDArray[np.int32]
     count: NDArray[np.int32]
     coefficient: NDArray[np.float64]
+    loss: float
 
 
 def power_rows(series: RadialSeries) -> PowerRows:
     """Expand each part of a series that is not zero in powers of t.
 
-    Powers up to t^k lose about k log10(1 + sqrt(2)) digits on [-1, 1]: for small k only.
+    On [-1, 1] the powers of t cancel each other: `loss` says by how much, little for few radial terms of low order.
     """
-    rows, coefficients = [], []
+    rows, coefficients, loss = [], [], 1.0
     for m, count, first in zip(series.m, series.count, series.offset, strict=True):
         terms = slice(first, first + count)
         for sine, part in enumerate((series.cosine[terms], series.sine[terms])):
@@ -234,8 +236,9 @@ def power_rows(series: RadialSeries) -> PowerRows:
                 before, now = now, following
             rows.append((m, sine, len(powers)))
             coefficients.append(powers[::-1])
+            loss = max(loss, float(np.abs(powers).sum() / np.abs(part).sum()))
     order, sine, count = np.array(rows, np.int32).reshape(-1, 3).T
-    return PowerRows(order, sine, count, np.concatenate([np.zeros(0), *coefficients]))
+    return PowerRows(order, sine, count, np.concatenate([np.zeros(0), *coefficients]), loss)
 
 
 def evaluate_series(

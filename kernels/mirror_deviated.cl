@@ -18,6 +18,9 @@ INLINE Meeting mirror_meet(__constant Scene *scene, const Line *line) {
 // refine the deviation's own argument.
 INLINE void mirror_deviate(__constant Scene *scene, const Line *line, Meeting *at) {
     const vec3v base = at->point;
+    // Polynomials explode outside their disk; a line that meets the design 2 % outside it is not on the mirror.
+    const real inverse = scene->zernike.inverse_radius;
+    at->on_mirror &= (base.x * base.x + base.y * base.y) * (inverse * inverse) <= (real)1.04;
     const vec3v normal = surface_normal(&scene->mirror, base);
     const realv approach = normal.z / (normal.z + line->p * normal.x + line->q * normal.y);
     for (int step = 0; step < scene->mirror.newton_steps; ++step) {

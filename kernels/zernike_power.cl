@@ -1,5 +1,6 @@
 // Zernike deviation of the mirror along z and its gradient, by Horner's rule in t = 2 s - 1, s = (x^2 + y^2) / radius^2: for
-// a few radial terms (on [-1, 1] powers up to t^5 lose at most two digits; zernike_clenshaw.cl has no such limit).
+// a few radial terms of low order, where the powers cancel each other by two digits at most (the host measures that;
+// zernike_clenshaw.cl has no such limit).
 // Frame: the mirror's. Unit: mm.
 //
 // W = sum over rows of c(t) B, where B is the real part (cosine rows) or the imaginary part (sine rows) of zeta^m,

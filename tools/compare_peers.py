@@ -82,7 +82,7 @@ def numpy_peer(of_pixel: int, seed: int, given: dict) -> np.ndarray:
 def numba_peer(real):
     """A compiled function of (rays per screen pixel, seed, job) in float32 or float64, parallel over screen pixels.
 
-    Tuned: blocks of 512 rays, a first loop without branches that the compiler vectorises, with a hash for random numbers
+    Tuned: blocks of 512 rays, a first loop without branches that the compiler vectorises, with a hash for random words
     and a polynomial for sine and cosine; a second one over the rays that came through the aperture.
     """
     import numba
