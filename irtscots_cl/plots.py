@@ -34,7 +34,7 @@ def write_figures(folder: Path, stack: ImageStack, result: Reconstruction, compa
 
 def image_figure(stack: ImageStack) -> Figure:
     """Camera images under a line at a third and one in the middle of each scan."""
-    figure = Figure(figsize=(10, 8.5), layout="constrained")
+    figure = Figure(figsize=(10, 8.5), layout="tight")
     for row, scan in zip(figure.subplots(2, 2), (stack.x, stack.y), strict=True):
         count = len(scan.positions_mm)
         for axes, line in zip(row, (count // 3, count // 2), strict=True):
@@ -54,7 +54,7 @@ def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
     shape = result.mask.shape
     middle = np.argmin((rows - (shape[0] - 1) / 2) ** 2 + (columns - (shape[1] - 1) / 2) ** 2)
     row, column = rows[middle], columns[middle]
-    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    figure = Figure(figsize=(10, 4.2), layout="tight")
     diameter = result.nominal.camera.aperture_diameter_mm
     for axes, scan, centroid in zip(
         figure.subplots(1, 2), (stack.x, stack.y), (result.centroid_x_mm, result.centroid_y_mm), strict=True
@@ -84,7 +84,7 @@ def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
 
 def slope_figure(result: Reconstruction) -> Figure:
     """Measured slopes in both directions."""
-    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    figure = Figure(figsize=(10, 4.2), layout="tight")
     for axes, slope, axis in zip(figure.subplots(1, 2), (result.slope_x, result.slope_y), "xy", strict=True):
         _map(figure, axes, result, slope * 1e3, f"slope {axis}", "mrad", "viridis")
     return figure
@@ -93,7 +93,7 @@ def slope_figure(result: Reconstruction) -> Figure:
 def height_figure(result: Reconstruction, comparison: Comparison | None) -> Figure:
     """Height, deviation from the design and, where the truth is known, the error of the deviation."""
     count = 2 if comparison is None else 3
-    figure = Figure(figsize=(5 * count, 4.2), layout="constrained")
+    figure = Figure(figsize=(5 * count, 4.2), layout="tight")
     axes = figure.subplots(1, count)
     _map(figure, axes[0], result, result.height_mm, "height", "mm", "viridis")
     deviation = remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, "piston_tilt") * 1e6
