@@ -1,17 +1,13 @@
 // Mirror surface: conic of revolution about +Z, vertex at the origin. Verbs and quadric form as in surface_sphere.cl,
 // with q_xx = q_yy = 1 / radius, q_zz = (1 + conic) / radius, q_xz = 0. Unit: mm.
-#include "simd_*.cl"
+#include "quadric.cl"
 
 INLINE maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p, realv q, vec3v *point) {
     const real curvature = mirror->q_xx;
     const realv a = curvature * (p * p + q * q) + mirror->q_zz;
     const realv b = 1 - curvature * (x0 * p + y0 * q);
     const realv c = curvature * (x0 * x0 + y0 * y0);
-    const realv discriminant = b * b - a * c;
-    point->z = c / (b + real_sqrt(discriminant));
-    point->x = x0 + p * point->z;
-    point->y = y0 + q * point->z;
-    return discriminant >= 0;
+    return quadric_root(a, b, c, x0, y0, p, q, point);
 }
 
 // A vector along the surface normal, towards +Z; not of unit length.

@@ -1,17 +1,13 @@
 // Mirror surface: a segment of a conic of revolution away from its axis, in the segment's own frame (origin on the
 // surface, +Z along the normal there, +X away from the parent's axis). Verbs and quadric form as in surface_sphere.cl;
 // the rotated quadric keeps only the cross term q_xz. Unit: mm.
-#include "simd_*.cl"
+#include "quadric.cl"
 
 INLINE maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p, realv q, vec3v *point) {
     const realv a = mirror->q_xx * p * p + mirror->q_yy * q * q + mirror->q_zz + 2 * mirror->q_xz * p;
     const realv b = 1 - (mirror->q_xx * x0 * p + mirror->q_yy * y0 * q + mirror->q_xz * x0);
     const realv c = mirror->q_xx * x0 * x0 + mirror->q_yy * y0 * y0;
-    const realv discriminant = b * b - a * c;
-    point->z = c / (b + real_sqrt(discriminant));
-    point->x = x0 + p * point->z;
-    point->y = y0 + q * point->z;
-    return discriminant >= 0;
+    return quadric_root(a, b, c, x0, y0, p, q, point);
 }
 
 // A vector along the surface normal, towards +Z; not of unit length.

@@ -1,7 +1,7 @@
 // Mirror surface: sphere, concave toward +Z. Frame: the mirror's (origin at the vertex, +Z along the normal). Unit: mm.
 // In the quadric form shared by the surface_* files, q_xx x^2 + q_yy y^2 + q_zz z^2 + 2 q_xz x z - 2 z = 0, a sphere
 // has q_xx = q_yy = q_zz = 1 / radius and q_xz = 0.
-#include "simd_*.cl"
+#include "quadric.cl"
 
 // Where the line (x0 + p z, y0 + q z, z) meets the surface. All numbers stay of the size of the mirror, whatever the
 // distance to the line's source: that keeps single precision good. The root is the one next to the vertex.
@@ -11,11 +11,7 @@ INLINE maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p
     const realv a = curvature * (p * p + q * q + 1);
     const realv b = 1 - curvature * (x0 * p + y0 * q);
     const realv c = curvature * (x0 * x0 + y0 * y0);
-    const realv discriminant = b * b - a * c;
-    point->z = c / (b + real_sqrt(discriminant));
-    point->x = x0 + p * point->z;
-    point->y = y0 + q * point->z;
-    return discriminant >= 0;
+    return quadric_root(a, b, c, x0, y0, p, q, point);
 }
 
 // A vector along the surface normal, towards +Z; its length is 1 to rounding.
