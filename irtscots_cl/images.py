@@ -19,7 +19,8 @@ class Scan:
     positions_mm: [lines] the line centres in the screen's own x (or y). shape: detector (rows, columns).
     pixels: [n] flat pixel numbers row * columns + column. first_line: [n] the light curves' first line.
     flux_w: [replicates, n, window] flux; outside its window a pixel is dark. weights: [replicates] share of each
-    replicate in the mean (rays, exposures). hits: [n] rays behind the whole light curve, NaN for lab images.
+    replicate in the mean (rays, exposures). hits: [n] independent random rays behind the whole light curve; NaN where
+    there is no such number: other samplers, lab images.
     """
 
     axis: str

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.images import ImageStack, Scan
+from irtscots_cl.samplers import INDEPENDENT
 from irtscots_cl.scene import Scene
 from irtscots_cl.transport import Transport
 
@@ -58,4 +59,6 @@ class LineScan:
             sums = np.stack([(transport.flux_w(r) * brightness).sum(summed) for r in range(replicates)])
         first_line = windows.origins[:, "xy".index(axis)].astype(np.int64)
         weights, hits = transport.rays.astype(float), transport.hits()
+        if transport.options.sampler not in INDEPENDENT:
+            hits = np.full(len(hits), np.nan)
         return Scan(axis, self.positions_mm(axis), (rows, columns), windows.pixels, first_line, sums, weights, hits)

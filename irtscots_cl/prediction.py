@@ -1,7 +1,8 @@
 """What error a measurement must have: ray noise and line sampling, from the design and the images alone.
 
-Ray noise: counting statistics of each light curve. Line sampling: the centroid of a light curve sampled at lines of
-finite width is not exactly the centroid of the light; the error depends on where the light falls between the lines.
+Ray noise: counting statistics of each light curve, or the scatter between replicates. Line sampling: the centroid of a
+light curve sampled at lines of finite width is not exactly the centroid of the light; the error depends on where the
+light falls between the lines.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from irtscots_cl.calibration import Calibration, calibrate
 from irtscots_cl.centroids import poisson_error
-from irtscots_cl.images import ImageStack
+from irtscots_cl.images import ImageStack, jackknife_error
 from irtscots_cl.reconstruction import Reconstruction
 from irtscots_cl.slopes import half_vector_slopes
 from irtscots_cl.zonal import integrate_slopes, remove_terms, rms
@@ -43,18 +44,22 @@ class PredictedError:
 
 
 def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
-    """Predict the slope and height errors of a reconstruction from its own light curves."""
+    """Predict the slope and height errors of a reconstruction from its own light curves.
+
+    Ray noise is that of counting the rays behind each curve where they are independent; for other samplers and for lab
+    images it is the scatter of the replicates (none: no ray noise is predicted).
+    """
     calibration = calibrate(result.nominal)
     scale = _slope_per_mm(calibration, result)
     mask, noise, bias = result.mask, [], []
     for k, scan in enumerate((stack.x, stack.y)):
         on_grid = np.full(mask.size, np.nan)
         on_grid[scan.pixels] = poisson_error(scan, scan.mean_w())
-        noise.append(on_grid.reshape(mask.shape) * scale[k])
+        counted = on_grid.reshape(mask.shape) * scale[k]
+        measured = np.nan_to_num(jackknife_error(result.estimates(f"slope_{scan.axis}")))
+        noise.append(np.where(np.isfinite(counted), counted, measured))
         centroid = (result.centroid_x_mm, result.centroid_y_mm)[k]
         bias.append(line_sampling_error(calibration, scan.positions_mm, centroid, mask, k) * scale[k])
-    known = np.isfinite(noise[0]) & np.isfinite(noise[1])
-    noise = [np.where(known, part, 0.0) for part in noise]  # lab images: no ray noise to predict
     random = np.random.default_rng(0)
     draws = [part * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
     heights = _heights(result, draws[0], draws[1])

@@ -131,15 +131,19 @@ def test_the_report_s_numbers_are_the_run_s(run, report):
 def test_predictions_are_in_the_units_that_they_are_named_after(run, report):
     stack, result, _, _ = run
     predicted = predict_error(result, stack)
+    assert predicted.ray_noise_slope[0] > 0  # no ray counts here, so from the scatter of the exposures
     assert report["predicted"] == {
         "slope_error_urad_rms": {"x": predicted.slope[0] * 1e6, "y": predicted.slope[1] * 1e6},
-        "slope_ray_noise_urad_rms": {"x": 0.0, "y": 0.0},
+        "slope_ray_noise_urad_rms": {
+            "x": predicted.ray_noise_slope[0] * 1e6,
+            "y": predicted.ray_noise_slope[1] * 1e6,
+        },
         "slope_line_sampling_urad_rms": {
             "x": predicted.line_sampling_slope[0] * 1e6,
             "y": predicted.line_sampling_slope[1] * 1e6,
         },
         "height_error_nm_rms_piston_tilt": predicted.height_mm * 1e6,
-        "height_ray_noise_nm_rms": 0.0,
+        "height_ray_noise_nm_rms": predicted.ray_noise_height_mm * 1e6,
         "height_line_sampling_nm_rms": predicted.line_sampling_height_mm * 1e6,
     }
 
