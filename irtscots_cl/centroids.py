@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from irtscots_cl.images import Scan
-from irtscots_cl.lightcurves import effective_screen_pixels
+from irtscots_cl.lightcurves import effective_screen_pixels, positions
 
 
 def centroids(scan: Scan, curves_w: np.ndarray, threshold: float = 0.0) -> np.ndarray:
@@ -22,20 +22,17 @@ def centroids(scan: Scan, curves_w: np.ndarray, threshold: float = 0.0) -> np.nd
 def poisson_error(scan: Scan, curves_w: np.ndarray) -> np.ndarray:
     """Standard error [n] in mm that counting alone gives the centroids of curves_w [n, window].
 
-    The curve's own standard deviation over the root of the rays behind it; NaN where these are unknown.
+    The curve's own standard deviation over the root of the rays behind it; NaN where these are unknown or one.
     """
     offset = _offsets(scan)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = curves_w / curves_w.sum(-1, keepdims=True)
         mean = (share * offset).sum(-1)
         variance = (share * offset**2).sum(-1) - mean**2
-        return np.sqrt(variance / scan.hits)
+        # one ray (weighted, so not exactly 1) has no spread to tell of
+        return np.where(scan.hits > 1.5, np.sqrt(variance / scan.hits), np.nan)
 
 
 def _offsets(scan: Scan) -> np.ndarray:
-    """Line positions [n, window] relative to each curve's first line: small numbers keep the moments exact.
-
-    Samples past the last line, of windows wider than the scan, are dark; any position does.
-    """
-    last = len(scan.positions_mm) - 1
-    return scan.positions_mm[np.minimum(scan.lines, last)] - scan.positions_mm[scan.first_line][:, None]
+    """Line positions [n, window] relative to each curve's first line: small numbers keep the moments exact."""
+    return positions(scan) - scan.positions_mm[scan.first_line][:, None]

@@ -149,9 +149,12 @@ def _add_run(commands) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    scene = _visible_scene(options.scene)
     from irtscots_cl.files import check_output_folder
+    from irtscots_cl.tracer import TraceOptions, share_rays
 
+    TraceOptions(options.estimator, options.sampler, options.precision, options.seed, options.overfill)
+    share_rays(options.rays_per_pixel, options.replicates)
+    scene = _visible_scene(options.scene)
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
     check_output_folder(folder)
     from irtscots_cl.device import select_device
@@ -207,7 +210,11 @@ def _print_tables(tables) -> None:
     from rich.table import Table
 
     # Not a terminal: no wrapping to its guess of 80 columns. No markup: it would take [nm] for a style.
-    console = Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False, highlight=False)
+    class Terminal(Console):
+        def on_broken_pipe(self) -> None:  # the reader has seen enough: main ends the command well
+            raise BrokenPipeError
+
+    console = Terminal(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False, highlight=False)
     for table in tables:
         shown = Table(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, show_header=any(table.head))
         for k, head in enumerate(table.head):
@@ -329,6 +336,8 @@ def _reconstruct(options: argparse.Namespace) -> int:
 
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder)
+    if (folder / "result.h5").resolve() == options.images.resolve():
+        raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
     facts = measure(read_images(options.images), scene.nominal(), folder, options.threshold)
     if options.json:
         _print_json(facts)

@@ -110,6 +110,8 @@ def read_images(path: Path) -> ImageStack:
 
     images may also be [exposures, lines, rows, columns]. Raises ValueError, one line, for anything else.
     """
+    if not path.is_file():
+        raise ValueError(f"{path}: not a readable HDF5 file: there is no file of that name")
     try:
         with h5py.File(path, "r") as file:
             return ImageStack(*(_read_scan(file, path, axis) for axis in ("x", "y")))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -60,6 +61,7 @@ def write_run(run: Run, folder: Path) -> None:
     from irtscots_cl.plots import write_figures  # matplotlib is slow to import: only where figures are made
 
     (folder / "figures").mkdir(parents=True, exist_ok=True)
+    (folder / "report.json").unlink(missing_ok=True)  # of an earlier run: it says that the others are complete
     report, toml = run.report, run.transport.scene.to_toml()
     attributes = {
         "scene": toml,
@@ -69,7 +71,7 @@ def write_run(run: Run, folder: Path) -> None:
         "estimator": report["estimator"],
         "sampler": report["sampler"],
         "precision": report["precision"],
-        "ledger_unit": "rays",
+        "ledger": json.dumps(report["ledger"]),
     }
     attributes |= {f"version {name}": value for name, value in versions().items()}
     write_result(folder / "result.h5", run.stack, run.result, attributes)

@@ -47,7 +47,7 @@ def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
     """Predict the slope and height errors of a reconstruction from its own light curves.
 
     Ray noise is that of counting the rays behind each curve where they are independent; for other samplers and for lab
-    images it is the scatter of the replicates (none: no ray noise is predicted).
+    images it is the scatter of the replicates. Where there is neither, the prediction is NaN.
     """
     calibration = calibrate(result.nominal)
     scale = _slope_per_mm(calibration, result)
@@ -56,17 +56,18 @@ def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
         on_grid = np.full(mask.size, np.nan)
         on_grid[scan.pixels] = poisson_error(scan, scan.mean_w())
         counted = on_grid.reshape(mask.shape) * scale[k]
-        measured = np.nan_to_num(jackknife_error(result.estimates(f"slope_{scan.axis}")))
+        measured = jackknife_error(result.estimates(f"slope_{scan.axis}"))
         noise.append(np.where(np.isfinite(counted), counted, measured))
         centroid = (result.centroid_x_mm, result.centroid_y_mm)[k]
         bias.append(line_sampling_error(calibration, scan.positions_mm, centroid, mask, k) * scale[k])
     random = np.random.default_rng(0)
-    draws = [part * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
+    known = all(np.isfinite(part[mask]).any() for part in noise)
+    draws = [np.nan_to_num(part) * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
     heights = _heights(result, draws[0], draws[1])
     return PredictedError(
-        (rms(noise[0], mask), rms(noise[1], mask)),
+        (rms(noise[0], mask), rms(noise[1], mask)) if known else (np.nan, np.nan),
         (rms(bias[0], mask), rms(bias[1], mask)),
-        float(np.sqrt(np.mean([rms(h, mask) ** 2 for h in heights]))),
+        float(np.sqrt(np.mean([rms(h, mask) ** 2 for h in heights]))) if known else np.nan,
         rms(_heights(result, *bias)[0], mask),
     )
 

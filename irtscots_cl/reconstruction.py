@@ -14,6 +14,7 @@ from irtscots_cl.scene import Scene
 from irtscots_cl.slopes import half_vector_slopes
 from irtscots_cl.zonal import integrate_slopes, remove_terms
 
+MIN_PIXELS = 4  # to tell piston, tilt and power apart
 HEIGHT_ROUNDS = 2  # slopes, height, slopes, height: a third round changes less than 0.01 nm on a deviation of 1 um
 
 
@@ -72,13 +73,13 @@ def reconstruct(
     nominal: the scene without deviation (scene.nominal()). method: of zonal.integrate_slopes. min_coverage: least part
     of a pixel's footprint on the mirror for the pixel to be used. threshold: see lightcurves.effective_screen_pixels.
 
-    Raises ValueError if the stack does not fit the scene or no pixel can be used.
+    Raises ValueError if the stack does not fit the scene or fewer than MIN_PIXELS pixels can be used.
     """
     calibration = calibrate(nominal)
     if stack.x.shape != calibration.shape or stack.y.shape != calibration.shape:
         raise ValueError(
-            f"images of {stack.x.shape} and {stack.y.shape} pixels do not fit the scene's detector "
-            f"of {calibration.shape} (rows, columns)"
+            f"scene {nominal.name}: images of {stack.x.shape} and {stack.y.shape} (rows, columns) do not fit; "
+            f"must be of the scene's detector, {calibration.shape}"
         )
     for scan, lines in zip((stack.x, stack.y), nominal.screen.pixels, strict=True):
         if len(scan.positions_mm) != lines:
@@ -93,10 +94,11 @@ def reconstruct(
     # where all light is in one replicate, leaving that one out leaves none
     flags[(flags == Flag.GOOD) & ~np.isfinite(centroid_x + centroid_y).all(0)] = Flag.EMPTY
     mask = on_mirror & (flags == Flag.GOOD)
-    if not mask.any():
+    if mask.sum() < MIN_PIXELS:
+        refused = ", ".join(f"{np.sum(flags[on_mirror] == flag)} {flag.name.lower()}" for flag in list(Flag)[1:])
         raise ValueError(
-            "no detector pixel has a usable light curve in both scans: the images are dark, clipped by "
-            "the screen's edge, or do not belong to this scene"
+            f"scene {nominal.name}: {mask.sum()} of the {on_mirror.sum()} detector pixels on the mirror have a usable "
+            f"light curve in both scans ({refused}); must be at least {MIN_PIXELS}"
         )
     x_mm, y_mm = (np.where(mask, v, np.nan) for v in (footprint.x_mm, footprint.y_mm))
     slope_x, slope_y, deviation = _surface(calibration, x_mm, y_mm, mask, centroid_x, centroid_y, method)

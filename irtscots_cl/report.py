@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
@@ -142,6 +143,11 @@ def pixels_text(used: int, refused: dict[str, int]) -> str:
     return ", ".join([f"{used:,}", *(f"not used: {count:,} {name}" for name, count in refused.items() if count)])
 
 
+def _shown(value: float) -> str:
+    """Three digits, or a dash for a number that does not exist."""
+    return f"{value:.3g}" if math.isfinite(value) else "-"
+
+
 def _error_table(report: dict) -> Table:
     predicted, rows = report["predicted"], []
     for axis in ("x", "y"):
@@ -150,16 +156,16 @@ def _error_table(report: dict) -> Table:
             (
                 f"slope {axis} [urad]",
                 str(estimate),
-                f"{predicted['slope_error_urad_rms'][axis]:.3g}",
-                f"{predicted['slope_ray_noise_urad_rms'][axis]:.3g}",
-                f"{predicted['slope_line_sampling_urad_rms'][axis]:.3g}",
+                _shown(predicted["slope_error_urad_rms"][axis]),
+                _shown(predicted["slope_ray_noise_urad_rms"][axis]),
+                _shown(predicted["slope_line_sampling_urad_rms"][axis]),
             )
         )
     for terms, value in report["height_error_nm_rms"].items():
         estimate = Estimate(value, report["height_error_nm_rms_standard_error"][terms])
         parts = (
             [
-                f"{predicted[key]:.3g}"
+                _shown(predicted[key])
                 for key in ("height_error_nm_rms_piston_tilt", "height_ray_noise_nm_rms", "height_line_sampling_nm_rms")
             ]
             if terms == "piston_tilt"

@@ -82,7 +82,7 @@ def trace(
     cannot do it.
     """
     options = TraceOptions(estimator, sampler, precision, seed, overfill)
-    rays = _share(rays_per_pixel, replicates)
+    rays = share_rays(rays_per_pixel, replicates)
     device = device if device is not None else select_device()
     started = time.perf_counter()
     calibration = calibrate(scene)
@@ -104,7 +104,7 @@ def trace(
     return Transport(scene, options, facts, windows, counts, tracer.unit_w, rays, ledger, seconds)
 
 
-def _share(rays_per_pixel: int, replicates: int) -> np.ndarray:
+def share_rays(rays_per_pixel: int, replicates: int) -> np.ndarray:
     """Rays per stream of each replicate [replicates], as equal as whole numbers allow."""
     if not 1 <= replicates <= 1024:
         raise ValueError(f"--replicates = {replicates}: must be 1 to 1024")

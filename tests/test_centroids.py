@@ -66,7 +66,7 @@ def test_a_curve_far_from_the_screen_s_middle_keeps_its_precision():
 
 
 def test_a_dark_curve_has_no_centroid():
-    scan = scan_of([[0, 0, 0], [0, 1, 0]])
+    scan = scan_of([[0, 0, 0], [0, 1, 0]], hits=2.0)
     found = centroids(scan, scan.mean_w())
     assert np.isnan(found[0]) and found[1] == -1.8
     assert np.isnan(poisson_error(scan, scan.mean_w())[0])

@@ -248,7 +248,7 @@ def test_reconstruct_refuses_images_that_do_not_fit(irtscots, finished, here):
     assert_refused(
         irtscots("reconstruct", images, "--scene", "sphere"),
         2,
-        "images of (25, 25) and (25, 25) pixels do not fit the scene's detector of (125, 125)",
+        "images of (25, 25) and (25, 25) (rows, columns) do not fit; must be of the scene's detector, (125, 125)",
     )
     (here / "text.h5").write_text("no HDF5")
     assert_refused(

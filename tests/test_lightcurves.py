@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from irtscots_cl.images import Scan
-from irtscots_cl.lightcurves import EDGE_TOLERANCE, Flag, effective_screen_pixels, flag_curves
+from irtscots_cl.lightcurves import DARK_EDGE_TOLERANCE, EDGE_TOLERANCE, Flag, effective_screen_pixels, flag_curves
 
 POSITIONS = np.array([-0.4, -0.2, 0.0, 0.2, 0.4])  # the screen's edges are at -0.5 and 0.5 mm
 
@@ -47,15 +47,25 @@ def test_a_curve_is_clipped_once_its_light_reaches_past_the_last_line(side):
     assert flag(curve, side * 0.2, beyond) == Flag.CLIPPED
 
 
-def test_only_light_on_the_edge_s_line_tells_of_clipping():
-    assert flag([0, 1, 2, 1, 0], 0.0, 0.6) == Flag.GOOD
+def test_where_the_edge_s_line_is_dark_more_is_tolerated():
+    """Few rays light no edge line, and move the centroid; a spot far larger than the screen is clipped all the same."""
+    dark = DARK_EDGE_TOLERANCE * 0.2
+    assert flag([0, 1, 2, 1, 0], 0.0, 0.5 + 0.9 * dark) == Flag.GOOD
+    assert flag([0, 1, 2, 1, 0], 0.0, 0.5 + 1.1 * dark) == Flag.CLIPPED
+    assert flag([0, 1, 2, 1, 0], 0.0, 25.0) == Flag.CLIPPED
+
+
+def test_much_light_where_the_geometry_allows_none_is_stray():
+    assert flag([1, 1, 1, 1, 1], 0.0, 0.15) == Flag.STRAY  # background: two fifths are more than 0.35 mm away
+    assert flag([0.3, 1, 5, 1, 0.3], 0.0, 0.15) == Flag.GOOD  # 8 % of the light
+    assert flag([0.5, 1, 5, 1, 0.5], 0.0, 0.15) == Flag.STRAY  # 12.5 %
 
 
 def test_samples_past_the_scan_s_last_line_are_no_edge():
     assert (
         flag([0, 1, 2, 0, 0], 0.2, 0.32, first_line=2) == Flag.CLIPPED  # the sample of 2 is line 4, the last
     )
-    assert flag([1, 2, 0, 0, 0], 0.15, 0.6, first_line=2) == Flag.GOOD  # lines 2 and 3 alone
+    assert flag([1, 2, 0, 0, 0], 0.15, 0.4, first_line=2) == Flag.GOOD  # lines 2 and 3 alone
 
 
 def test_the_edge_is_where_the_scan_s_own_lines_end():

@@ -121,6 +121,7 @@ def test_the_report_s_numbers_are_the_run_s(run, report):
     assert report["pixels_used"] == result.mask.sum() == result.on_mirror.sum() - 1
     assert report["light_curves_refused"] == {
         "empty": 1,
+        "stray": 0,
         "clipped": 0,  # pixels beside the mirror are not refused
     }
     assert report["slope_error_urad_rms"]["x"] == comparison.slope_error_urad["x"].value
