@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from irtscots_cl.patterns import LineScan
-from irtscots_cl.pipeline import simulate
+from irtscots_cl.pipeline import simulate, write_run
 from irtscots_cl.presets import load_scene
 from irtscots_cl.reconstruction import reconstruct
 from irtscots_cl.scene import ZernikeTerms
@@ -148,3 +148,12 @@ def test_even_samplers_have_less_noise_and_it_is_predicted_from_their_replicates
         # jackknife of 8 replicates over 9,796 pixels: 0.3 % of scatter; the rest is line sampling, known to 2 %
         assert predicted["slope_error_urad_rms"][axis] == pytest.approx(actual[axis], rel=0.05)
     assert np.isnan(run.stack.x.hits).all() and np.isnan(run.stack.y.hits).all()
+
+
+def test_an_old_report_does_not_vouch_for_a_rerun_that_failed(device, monkeypatch, tmp_path):
+    run = simulate(load_scene("sphere"), device=device, rays_per_pixel=64, replicates=2, seed=1)
+    (tmp_path / "report.json").write_text("{}")
+    monkeypatch.setattr("irtscots_cl.pipeline.write_result", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
+    with pytest.raises(OSError, match="disk full"):
+        write_run(run, tmp_path)
+    assert not (tmp_path / "report.json").exists()
