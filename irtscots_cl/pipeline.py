@@ -57,11 +57,9 @@ def write_run(run: Run, folder: Path) -> None:
 
     report.json comes last: where it is, the others are complete.
     """
-    check_output_folder(folder)
     from irtscots_cl.plots import write_figures  # matplotlib is slow to import: only where figures are made
 
-    (folder / "figures").mkdir(parents=True, exist_ok=True)
-    (folder / "report.json").unlink(missing_ok=True)  # of an earlier run: it says that the others are complete
+    _open_folder(folder)
     report, toml = run.report, run.transport.scene.to_toml()
     attributes = {
         "scene": toml,
@@ -73,11 +71,21 @@ def write_run(run: Run, folder: Path) -> None:
         "precision": report["precision"],
         "ledger": json.dumps(report["ledger"]),
     }
-    attributes |= {f"version {name}": value for name, value in versions().items()}
-    write_result(folder / "result.h5", run.stack, run.result, attributes)
+    write_result(folder / "result.h5", run.stack, run.result, attributes | _version_attributes())
     figures = write_figures(folder / "figures", run.stack, run.result, run.comparison)
     write_html(folder / "report.html", report, figures, toml)
     write_json(folder / "report.json", report)
+
+
+def _open_folder(folder: Path) -> None:
+    """Make the folder, without the report.json of an earlier run: that would vouch for files about to be replaced."""
+    check_output_folder(folder)
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    (folder / "report.json").unlink(missing_ok=True)
+
+
+def _version_attributes() -> dict[str, str]:
+    return {f"version {name}": value for name, value in versions().items()}
 
 
 def measure(stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 0.0) -> dict:
@@ -88,9 +96,8 @@ def measure(stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 
     from irtscots_cl.plots import write_figures
 
     result = reconstruct(stack, nominal, threshold=threshold)
-    (folder / "figures").mkdir(parents=True, exist_ok=True)
-    attributes = {"scene": nominal.to_toml()} | {f"version {name}": value for name, value in versions().items()}
-    write_result(folder / "result.h5", stack, result, attributes)
+    _open_folder(folder)
+    write_result(folder / "result.h5", stack, result, {"scene": nominal.to_toml()} | _version_attributes())
     write_figures(folder / "figures", stack, result, None)
     left = {t: remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, t) for t in HEIGHT_TERMS}
     deviation = {terms: rms(height, result.mask) * 1e6 for terms, height in left.items()}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from irtscots_cl.patterns import LineScan
-from irtscots_cl.pipeline import simulate, write_run
+from irtscots_cl.pipeline import measure, simulate, write_run
 from irtscots_cl.presets import load_scene
 from irtscots_cl.reconstruction import reconstruct
 from irtscots_cl.scene import ZernikeTerms
@@ -156,4 +156,8 @@ def test_an_old_report_does_not_vouch_for_a_rerun_that_failed(device, monkeypatc
     monkeypatch.setattr("irtscots_cl.pipeline.write_result", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
         write_run(run, tmp_path)
+    assert not (tmp_path / "report.json").exists()
+    (tmp_path / "report.json").write_text("{}")
+    with pytest.raises(OSError, match="disk full"):
+        measure(run.stack, run.transport.scene.nominal(), tmp_path)
     assert not (tmp_path / "report.json").exists()
