@@ -1,0 +1,58 @@
+"""The command line: `irtscots COMMAND`. Exit codes: 0 done, 2 bad input, 3 no usable device, 1 a bug.
+
+Each command has its file here; it imports what it needs when it runs, so that help and refusals come at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import warnings
+from typing import NoReturn
+
+from irtscots_cl.cli import bench, devices, kernel, reconstruct, run, scenes
+from irtscots_cl.cli.common import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_NO_DEVICE, fail
+from irtscots_cl.scene import SceneError
+
+COMMANDS = (run, scenes, devices, kernel, reconstruct, bench)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; returns the exit code. Every expected failure is one line on stderr."""
+    options = _parser().parse_args(arguments)
+    try:
+        with warnings.catch_warnings():
+            # drivers comment on kernels that they did build: nothing that a user could act on
+            warnings.filterwarnings("ignore", "Non-empty compiler output|.*non-empty logs")
+            code = options.command(options)
+            sys.stdout.flush()
+            return code
+    except BrokenPipeError:  # whoever read the output has seen enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (SceneError, ValueError, OSError) as error:
+        return fail(error, EXIT_BAD_INPUT)
+    except KeyboardInterrupt:
+        return fail("interrupted; nothing was written", EXIT_INTERRUPTED)
+    except RuntimeError as error:
+        if type(error).__name__ != "DeviceError":  # its class lives behind the slow import of pyopencl
+            raise
+        return fail(error, EXIT_NO_DEVICE)
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """One line, as every other refusal: no usage above it."""
+        self.exit(EXIT_BAD_INPUT, f"irtscots: {message}; see {self.prog} --help\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="irtscots",
+        description="Simulate a SCOTS deflectometry test of a mirror and measure the mirror from the simulated images.",
+    )
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for module in COMMANDS:
+        module.add(commands)
+    return parser

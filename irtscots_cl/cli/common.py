@@ -1,0 +1,110 @@
+"""What the commands share: their parsers' common arguments, and how they print."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+
+from irtscots_cl.presets import load_scene
+from irtscots_cl.scene import Scene
+
+DEVICE_HELP = (
+    "part of a device's name, its index such as 0:0, cpu or gpu; "
+    "default: environment variable IRTSCOTS_DEVICE, or the best found"
+)
+EXIT_BAD_INPUT = 2
+EXIT_NO_DEVICE = 3
+EXIT_INTERRUPTED = 130  # as a shell reports Ctrl-C
+
+
+def fail(message: object, code: int) -> int:
+    print(f"irtscots: {message}", file=sys.stderr)
+    return code
+
+
+def command(commands, name: str, function: Callable, text: str, more: str = "") -> argparse.ArgumentParser:
+    parser = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}. {more}")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of text")
+    parser.set_defaults(command=function)
+    return parser
+
+
+def add_scene(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", metavar="SCENE", help="preset name (see `irtscots scenes`) or path of a TOML file")
+
+
+def visible_scene(name_or_path: str) -> Scene:
+    """A scene that can be traced; refused under the name that the user gave it."""
+    scene = load_scene(name_or_path)
+    from irtscots_cl.calibration import calibrate, check_visible
+
+    check_visible(calibrate(scene), name_or_path)
+    return scene
+
+
+def add_trace_choices(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--estimator",
+        default="adjoint",
+        metavar="E",
+        help="forward (rays leave the screen, as in the paper) or adjoint (rays leave the detector: less noise); "
+        "default adjoint",
+    )
+    parser.add_argument(
+        "--sampler",
+        default="philox",
+        metavar="S",
+        help="philox (independent random numbers; default), sobol (Owen-scrambled Sobol points) or lattice (rank-1 "
+        "lattice, shifted at random)",
+    )
+    parser.add_argument(
+        "--precision", default="fp32", metavar="P", help="fp32 or fp64 arithmetic on the device; default fp32"
+    )
+    parser.add_argument(
+        "--device",
+        metavar="D",
+        help=DEVICE_HELP,
+    )
+
+
+class progress_bar:  # noqa: N801  used as a function: `with progress_bar() as report:`
+    """A bar on stderr while rays are traced, where stderr is a terminal."""
+
+    def __enter__(self) -> Callable[[int, int], None]:
+        from rich.console import Console
+        from rich.progress import Progress
+
+        console = Console(stderr=True)
+        self._bar = Progress(console=console, transient=True, disable=not console.is_terminal)
+        self._bar.start()
+        task = self._bar.add_task("tracing", total=None)
+        return lambda done, total: self._bar.update(task, completed=done, total=total)
+
+    def __exit__(self, *_) -> None:
+        self._bar.stop()
+
+
+def print_tables(tables) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    # Not a terminal: no wrapping to its guess of 80 columns. No markup: it would take [nm] for a style.
+    class Terminal(Console):
+        def on_broken_pipe(self) -> None:  # the reader has seen enough: main ends the command well
+            raise BrokenPipeError
+
+    console = Terminal(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False, highlight=False)
+    for table in tables:
+        shown = Table(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, show_header=any(table.head))
+        for k, head in enumerate(table.head):
+            shown.add_column(head, justify="left" if k == 0 or len(table.head) == 2 else "right")
+        for row in table.rows:
+            shown.add_row(*row)
+        console.print(shown)
+
+
+def print_json(data: object) -> None:
+    print(json.dumps(data, indent=2))

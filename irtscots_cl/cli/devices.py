@@ -1,0 +1,34 @@
+"""The command `irtscots devices`."""
+
+from __future__ import annotations
+
+import argparse
+
+from irtscots_cl.cli.common import EXIT_NO_DEVICE, command, fail, print_json
+
+
+def add(commands) -> None:
+    command(commands, "devices", _execute, "list the OpenCL devices and what was probed on each")
+
+
+def _execute(options: argparse.Namespace) -> int:
+    from irtscots_cl.device import HINT, DeviceError, all_devices
+
+    found = []
+    for device in all_devices():
+        facts: dict[str, object] = device.describe()
+        try:
+            facts |= device.probe()
+        except DeviceError as error:
+            facts["unusable"] = str(error)
+        found.append(facts)
+    if options.json:
+        print_json(found)
+    for facts in [] if options.json else found:
+        print(f"{facts['index']}  {facts['name']}  ({facts['platform']}, {facts['driver']})")
+        for key, value in facts.items():
+            if key not in ("index", "name", "platform", "driver"):
+                print(f"     {key.replace('_', ' '):28} {value}")
+    if not found:
+        return fail(f"no OpenCL device found; {HINT}", EXIT_NO_DEVICE)
+    return 0

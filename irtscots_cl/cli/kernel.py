@@ -1,0 +1,29 @@
+"""The command `irtscots kernel`."""
+
+from __future__ import annotations
+
+import argparse
+
+from irtscots_cl.cli.common import add_scene, add_trace_choices, command, print_json, visible_scene
+
+
+def add(commands) -> None:
+    parser = command(commands, "kernel", _execute, "print the OpenCL source and build options that a scene gets")
+    add_scene(parser)
+    add_trace_choices(parser)
+
+
+def _execute(options: argparse.Namespace) -> int:
+    scene = visible_scene(options.scene)
+    from irtscots_cl.calibration import calibrate
+    from irtscots_cl.device import select_device
+    from irtscots_cl.tracer import TraceOptions, Tracer
+
+    chosen = TraceOptions(options.estimator, options.sampler, options.precision)
+    source = Tracer(calibrate(scene), select_device(options.device), chosen).source
+    if options.json:
+        print_json({"options": source.options, "files": source.files, "source": source.text})
+    else:
+        print(f"// build options: {' '.join(source.options)}")
+        print(source.text, end="")
+    return 0

@@ -1,0 +1,63 @@
+"""The command `irtscots reconstruct`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from irtscots_cl.cli.common import command, print_json, print_tables
+from irtscots_cl.presets import load_scene
+
+
+def add(commands) -> None:
+    parser = command(
+        commands,
+        "reconstruct",
+        _execute,
+        "measure a mirror from line-scan images",
+        "Writes result.h5 and figures into the output folder.",
+    )
+    parser.add_argument(
+        "images",
+        type=Path,
+        metavar="IMAGES",
+        help="HDF5 file with /images/x, /images/y "
+        "[lines, rows, columns] and /lines/x_mm, /lines/y_mm, as `irtscots run` writes it",
+    )
+    parser.add_argument(
+        "--scene",
+        required=True,
+        metavar="SCENE",
+        help="preset name or path of a TOML file; only its design is used, no deviation",
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME-measured")
+    parser.add_argument(
+        "--threshold",
+        type=float,
+        default=0.0,
+        metavar="T",
+        help="least part of a light curve's peak "
+        "that counts for its centroid, 0 to below 1; default 0, for images without background",
+    )
+
+
+def _execute(options: argparse.Namespace) -> int:
+    if not 0 <= options.threshold < 1:
+        raise ValueError(f"--threshold = {options.threshold}: must be at least 0 and below 1")
+    scene = load_scene(options.scene)
+    from irtscots_cl.files import check_output_folder, read_images
+    from irtscots_cl.pipeline import measure
+
+    folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
+    check_output_folder(folder)
+    if (folder / "result.h5").resolve() == options.images.resolve():
+        raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
+    facts = measure(read_images(options.images), scene.nominal(), folder, options.threshold)
+    if options.json:
+        print_json(facts)
+    else:
+        from irtscots_cl.report import measured_table
+
+        print_tables([measured_table(facts)])
+        print(f"results in {folder}")
+    return 0
