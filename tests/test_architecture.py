@@ -11,13 +11,13 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "irtscots_cl"
 
 # Every module of the package, in order: each may import only modules before it.
-MATHEMATICS = ("geometry", "zernikes", "zonal")
+MATHEMATICS = ("geometry", "zernikes", "zonal", "integration")
 DESCRIPTION = ("checked", "scene", "presets", "surface", "scatter", "calibration")
 DEVICE = ("interface", "device", "program", "execution")
 TRACING = ("windows", "samplers", "packing", "transport", "tracer", "analytic")
 IMAGING = ("images", "patterns", "detector")
-MEASURING = ("lightcurves", "centroids", "phase", "slopes", "reconstruction", "prediction")
-ASSEMBLY = ("comparison", "files", "report", "plots", "studies", "pipeline", "bench", "cli", "__main__")
+MEASURING = ("lightcurves", "centroids", "phase", "slopes", "reconstruction", "refinement", "prediction")
+ASSEMBLY = ("comparison", "files", "report", "plots", "studies", "pipeline", "stability", "bench", "cli", "__main__")
 ORDER = MATHEMATICS + DESCRIPTION + DEVICE + TRACING + IMAGING + MEASURING + ASSEMBLY
 
 MAY_IMPORT_PYOPENCL = {"device", "program", "execution"}
