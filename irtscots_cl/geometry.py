@@ -73,12 +73,17 @@ class Quadric:
         )
 
     def meet(self, x0, y0, p, q) -> np.ndarray:
-        """Height z where the lines (x0 + p z, y0 + q z, z) meet the surface next to the origin; NaN where they miss."""
+        """Height z where the lines (x0 + p z, y0 + q z, z) meet the surface next to the origin; NaN where they miss.
+
+        Only the part of the parent whose normal has an upward component counts: not what lies above its widest circle,
+        nor a hyperboloid's second sheet.
+        """
         a = self.q_xx * p * p + self.q_yy * q * q + self.q_zz + 2.0 * self.q_xz * p
         b = 1.0 - (self.q_xx * x0 * p + self.q_yy * y0 * q + self.q_xz * x0)
         c = self.q_xx * x0 * x0 + self.q_yy * y0 * y0
-        with np.errstate(invalid="ignore"):
-            return c / (b + np.sqrt(b * b - a * c))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            z = c / (b + np.sqrt(b * b - a * c))
+            return np.where(self.q_zz * z + self.q_xz * (x0 + p * z) < 1.0, z, np.nan)
 
     def gradient(self, x, y, z) -> tuple[np.ndarray, np.ndarray]:
         """Slopes dz/dx, dz/dy of the surface at its points (x, y, z)."""

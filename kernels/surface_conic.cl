@@ -7,7 +7,8 @@ INLINE maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p
     const realv a = curvature * (p * p + q * q) + mirror->q_zz;
     const realv b = 1 - curvature * (x0 * p + y0 * q);
     const realv c = curvature * (x0 * x0 + y0 * y0);
-    return quadric_root(a, b, c, x0, y0, p, q, point);
+    quadric_root(a, b, c, x0, y0, p, q, point);
+    return mirror->q_zz * point->z < 1;
 }
 
 // A vector along the surface normal, towards +Z; not of unit length.

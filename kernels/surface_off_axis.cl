@@ -7,7 +7,8 @@ INLINE maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p
     const realv a = mirror->q_xx * p * p + mirror->q_yy * q * q + mirror->q_zz + 2 * mirror->q_xz * p;
     const realv b = 1 - (mirror->q_xx * x0 * p + mirror->q_yy * y0 * q + mirror->q_xz * x0);
     const realv c = mirror->q_xx * x0 * x0 + mirror->q_yy * y0 * y0;
-    return quadric_root(a, b, c, x0, y0, p, q, point);
+    quadric_root(a, b, c, x0, y0, p, q, point);
+    return mirror->q_zz * point->z + mirror->q_xz * point->x < 1;
 }
 
 // A vector along the surface normal, towards +Z; not of unit length.

@@ -5,13 +5,15 @@
 
 // Where the line (x0 + p z, y0 + q z, z) meets the surface. All numbers stay of the size of the mirror, whatever the
 // distance to the line's source: that keeps single precision good. The root is the one next to the vertex.
-// Returns false where the line misses the surface.
+// Returns false where the line misses the surface: there is no root, or the normal there points down, as it does above
+// the parent's widest circle and on a hyperboloid's second sheet.
 INLINE maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p, realv q, vec3v *point) {
     const real curvature = mirror->q_xx;
     const realv a = curvature * (p * p + q * q + 1);
     const realv b = 1 - curvature * (x0 * p + y0 * q);
     const realv c = curvature * (x0 * x0 + y0 * y0);
-    return quadric_root(a, b, c, x0, y0, p, q, point);
+    quadric_root(a, b, c, x0, y0, p, q, point);
+    return curvature * point->z < 1;
 }
 
 // A vector along the surface normal, towards +Z; its length is 1 to rounding.
