@@ -7,7 +7,7 @@
 
 Map of the files, in layers; a file imports only from files above it:
 
-    geometry, zernikes, zonal                             mathematics
+    geometry, zernikes, zonal, integration                mathematics
     checked, scene, presets, surface, calibration         what is tested, with what, and its chief rays
     interface, device, program, execution                 OpenCL: no other file imports pyopencl
     windows, samplers, packing, transport, tracer         scene + device -> Transport
@@ -33,7 +33,7 @@ _PUBLIC = {
     "Transport": "transport",
     "all_devices": "device",
     "compare": "comparison",
-    "integrate_slopes": "zonal",
+    "integrate_slopes": "integration",
     "load_scene": "presets",
     "reconstruct": "reconstruction",
     "select_device": "device",

@@ -14,9 +14,10 @@ import numpy as np
 from irtscots_cl.calibration import Calibration, calibrate
 from irtscots_cl.centroids import poisson_error
 from irtscots_cl.images import ImageStack, jackknife_error
+from irtscots_cl.integration import integrate_slopes
 from irtscots_cl.reconstruction import Reconstruction
 from irtscots_cl.slopes import half_vector_slopes
-from irtscots_cl.zonal import integrate_slopes, remove_terms, rms
+from irtscots_cl.zonal import remove_terms, rms
 
 NOISE_DRAWS = 32  # maps of random slopes behind the predicted height noise: its own error is a few percent
 PIXEL_NODES = 4  # Gauss-Legendre nodes per axis over a detector pixel

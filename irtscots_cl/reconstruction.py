@@ -9,10 +9,11 @@ import numpy as np
 from irtscots_cl.calibration import Calibration, calibrate
 from irtscots_cl.centroids import centroids
 from irtscots_cl.images import ImageStack, Scan, jackknife_error
+from irtscots_cl.integration import integrate_slopes
 from irtscots_cl.lightcurves import Flag, flag_curves
 from irtscots_cl.scene import Scene
 from irtscots_cl.slopes import half_vector_slopes
-from irtscots_cl.zonal import integrate_slopes, remove_terms
+from irtscots_cl.zonal import remove_terms
 
 MIN_PIXELS = 4  # to tell piston, tilt and power apart
 HEIGHT_ROUNDS = 2  # slopes, height, slopes, height: a third round changes less than 0.01 nm on a deviation of 1 um
@@ -70,7 +71,7 @@ def reconstruct(
 ) -> Reconstruction:
     """Measure the surface from line-scan images, knowing the design scene alone.
 
-    nominal: the scene without deviation (scene.nominal()). method: of zonal.integrate_slopes. min_coverage: least part
+    nominal: the scene without deviation (scene.nominal()). method: of integrate_slopes. min_coverage: least part
     of a pixel's footprint on the mirror for the pixel to be used. threshold: see lightcurves.effective_screen_pixels.
 
     Raises ValueError if the stack does not fit the scene or fewer than MIN_PIXELS pixels can be used.

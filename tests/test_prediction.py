@@ -10,11 +10,12 @@ from synthetic import noise_free_stack, small_scene
 
 from irtscots_cl.calibration import Calibration
 from irtscots_cl.images import ImageStack
+from irtscots_cl.integration import integrate_slopes
 from irtscots_cl.patterns import LineScan
 from irtscots_cl.prediction import PredictedError, chord_cdf, line_sampling_error, predict_error
 from irtscots_cl.presets import load_scene
 from irtscots_cl.reconstruction import reconstruct
-from irtscots_cl.zonal import integrate_slopes, remove_terms, rms
+from irtscots_cl.zonal import remove_terms, rms
 
 A, D = 0.5, 0.2  # the paper's aperture radius and line width [mm]
 SLOPE_PER_MM = 1 / (2 * 4166.747 * np.cos(np.radians(3)))  # at the vertex of the paper's sphere

@@ -11,11 +11,12 @@ from synthetic import noise_free_stack, small_scene, with_replicates
 from irtscots_cl import reconstruction
 from irtscots_cl.calibration import Calibration
 from irtscots_cl.images import ImageStack, Scan
+from irtscots_cl.integration import integrate_slopes
 from irtscots_cl.lightcurves import Flag
 from irtscots_cl.reconstruction import reconstruct
 from irtscots_cl.scene import ZernikeTerms
 from irtscots_cl.surface import Surface
-from irtscots_cl.zonal import integrate_slopes, remove_terms, rms
+from irtscots_cl.zonal import remove_terms, rms
 
 NM, URAD = 1e-6, 1e-6  # in mm, in rad
 
