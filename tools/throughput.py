@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 
-from irtscots_cl.bench import Case, time_cases
-from irtscots_cl.device import select_device
+from irtscots_cl.bench.suite import conditions
+from irtscots_cl.bench.throughput import Case, time_cases
+from irtscots_cl.device import DeviceError, select_device
 from irtscots_cl.presets import load_scene
 
 
@@ -21,13 +23,23 @@ def main() -> None:
     parser.add_argument("--sampler", default="philox")
     parser.add_argument("--precision", default="fp32")
     options = parser.parse_args()
+    try:
+        rows = _measure(options)
+    except (ValueError, DeviceError) as error:
+        print(f"throughput.py: {error}", file=sys.stderr)
+        sys.exit(2)
+    print(json.dumps(rows, indent=2))
+
+
+def _measure(options: argparse.Namespace) -> list[dict]:
     device = select_device(options.device)
+    facts = conditions(device)
     cases = [
         Case("", name, load_scene(name), estimator, options.sampler, options.precision)
         for name in options.scenes
         for estimator in ("forward", "adjoint")
     ]
-    rows = [
+    return [
         {
             "scene": timing.case.name,
             "estimator": timing.case.estimator,
@@ -36,11 +48,13 @@ def main() -> None:
             "rays_per_second": timing.median,
             "lowest": min(timing.rates),
             "highest": max(timing.rates),
+            "rounds": len(timing.rates),
             "device": device.name,
+            "driver": device.driver,
+            "git_revision": facts["git_revision"],
         }
         for timing in time_cases(cases, device, quick=False)
     ]
-    print(json.dumps(rows, indent=2))
 
 
 if __name__ == "__main__":

@@ -14,9 +14,14 @@ def add(commands) -> None:
         "bench",
         _execute,
         "measure the tracer's throughput",
-        "Writes bench.json and bench.png into the output folder.",
+        "Writes bench.json, bench.png and, with scaling, bench_scaling.png into the output folder.",
     )
-    parser.add_argument("--quick", action="store_true", help="fewer cases and rounds, under 20 s")
+    parser.add_argument(
+        "--scaling",
+        action="store_true",
+        help="also wall times against rays, screen pixels, detector pixels and cores: minutes more",
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer cases and rounds, tiny scaling; under 20 s")
     parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
     parser.add_argument(
         "--out", type=Path, default=Path("irtscots-out/bench"), metavar="DIR", help="default irtscots-out/bench"
@@ -27,13 +32,15 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.files import check_output_folder, plain, write_json
 
     check_output_folder(options.out)
-    from irtscots_cl.bench import bench_tables, run_bench, write_plot
+    from irtscots_cl.bench.figures import write_figures
+    from irtscots_cl.bench.suite import run_bench
+    from irtscots_cl.bench.tables import bench_tables
     from irtscots_cl.device import select_device
 
-    results = run_bench(select_device(options.device), options.quick)
+    results = run_bench(select_device(options.device), options.quick, options.scaling)
     options.out.mkdir(parents=True, exist_ok=True)
     write_json(options.out / "bench.json", results)
-    write_plot(results, options.out / "bench.png")
+    write_figures(options.out, results)
     if options.json:
         print_json(plain(results))
     else:

@@ -7,13 +7,8 @@ machine's speed touches all cases alike; the median over the rounds and their ex
 from __future__ import annotations
 
 import dataclasses
-import platform
-import resource
 import statistics
-import subprocess
-import time
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -22,20 +17,22 @@ from irtscots_cl.device import Device
 from irtscots_cl.execution import Workspace
 from irtscots_cl.presets import load_scene
 from irtscots_cl.program import compose
-from irtscots_cl.report import Table, versions
+from irtscots_cl.samplers import SAMPLERS
 from irtscots_cl.scene import Scene, ZernikeTerms
 from irtscots_cl.tracer import TraceOptions, Tracer
 
+ESTIMATORS = ("forward", "adjoint")  # that trace rays
 ROUNDS = {True: 3, False: 9}  # timed rounds, quick or not
-SECONDS = {True: 0.12, False: 0.5}  # of one timed trace
-FIRST_RAYS = 2**22  # before a case's speed is known
+SECONDS = {True: 0.06, False: 0.5}  # of one timed trace
+WARM_UP_RAYS = 2**22  # before a case's speed is known
+WIDTHS = (1, 8, 16)  # rays side by side that the kernels are written for, on CPUs
 FMA_CHAINS = 12  # CHAINS of kernels/multiply_add.cl
 FMA_STEPS = 20_000
 
 
 @dataclass(frozen=True)
 class Case:
-    """One thing to time. group: heading that it is listed under."""
+    """One thing to time. group: heading that it is listed under. width: rays side by side, None: the device's own."""
 
     group: str
     name: str
@@ -44,14 +41,17 @@ class Case:
     sampler: str = "philox"
     precision: str = "fp32"
     accumulate: str | None = None
+    width: int | None = None
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Rays per second of a case over the rounds."""
+    """Rays per second of a case: of the warm-up, and over the rounds of that many rays each."""
 
     case: Case
     width: int
+    warm_up_rate: float
+    rays: int
     rates: tuple[float, ...]
 
     @property
@@ -60,23 +60,31 @@ class Timing:
 
 
 def default_cases(device: Device, quick: bool) -> list[Case]:
-    """What `irtscots bench` times: scenes and samplers, single features of a scene, and the parts left out."""
+    """What `irtscots bench` times: scenes, samplers and precisions, single features, widths, and the parts left out."""
     sphere = load_scene("sphere")
-    cases = [
-        Case("scenes and samplers", f"{name}, {estimator}, {sampler}", load_scene(name), estimator, sampler)
-        for name in (("sphere",) if quick else ("sphere", "sphere-deviated", "off-axis"))
-        for estimator in ("forward", "adjoint")
-        for sampler in ("philox", "sobol", "lattice")
-    ]
+    scenes = [sphere] if quick else [load_scene(name) for name in ("sphere", "sphere-deviated", "off-axis")]
+    cases = _scene_cases("scenes and samplers", scenes, tuple(SAMPLERS), "fp32")
+    if device.has_fp64:
+        cases += _scene_cases("double precision", scenes, ("philox",) if quick else tuple(SAMPLERS), "fp64")
     cases += [Case("one feature alone, forward", name, scene) for name, scene in _features(sphere).items()]
     if device.has_fp64:
         cases.append(Case("one feature alone, forward", "double precision", sphere, precision="fp64"))
     cases.append(Case("one feature alone, forward", "sums by atomics", sphere, accumulate="atomic"))
-    for estimator in ("forward", "adjoint"):
-        cases.append(
-            Case("limit", f"sphere, {estimator}, philox, no accumulation", sphere, estimator, accumulate="none")
-        )
-    return cases
+    if device.kind == "cpu":  # elsewhere work-items are the lanes
+        cases += [Case("rays side by side, forward", f"plain sphere, {n}", sphere, width=n) for n in WIDTHS]
+    return cases + [
+        Case("limit", f"sphere, {estimator}, philox, no accumulation", sphere, estimator, accumulate="none")
+        for estimator in ESTIMATORS
+    ]
+
+
+def _scene_cases(group: str, scenes: list[Scene], samplers: tuple[str, ...], precision: str) -> list[Case]:
+    return [
+        Case(group, f"{scene.name}, {estimator}, {sampler}", scene, estimator, sampler, precision)
+        for scene in scenes
+        for estimator in ESTIMATORS
+        for sampler in samplers
+    ]
 
 
 def _features(sphere: Scene) -> dict[str, Scene]:
@@ -100,19 +108,21 @@ def _features(sphere: Scene) -> dict[str, Scene]:
 
 
 def time_cases(cases: list[Case], device: Device, quick: bool) -> list[Timing]:
-    """Build and warm up all cases, then time them in turn."""
+    """Build and warm up all cases, then time them in turn. Raises as Tracer and its options do."""
     tracers = [
         Tracer(calibrate(case.scene), device, TraceOptions(case.estimator, case.sampler, case.precision),
-               accumulate=case.accumulate)
+               width=case.width, accumulate=case.accumulate)
         for case in cases
     ]  # fmt: skip
-    rays = [int(tracer.throughput(FIRST_RAYS) * SECONDS[quick]) for tracer in tracers]
+    warm = [tracer.throughput(WARM_UP_RAYS) for tracer in tracers]
+    rays = [int(rate * SECONDS[quick]) for rate in warm]
     rates: list[list[float]] = [[] for _ in cases]
     for _ in range(ROUNDS[quick]):
         for tracer, count, rate in zip(tracers, rays, rates, strict=True):
             rate.append(tracer.throughput(count))
     return [
-        Timing(case, device.vector_width(case.precision), tuple(rate)) for case, rate in zip(cases, rates, strict=True)
+        Timing(case, case.width or device.vector_width(case.precision), first, count, tuple(rate))
+        for case, first, count, rate in zip(cases, warm, rays, rates, strict=True)
     ]
 
 
@@ -128,18 +138,16 @@ def multiply_add_rate(device: Device) -> float:
     return best
 
 
-def run_bench(device: Device, quick: bool = False) -> dict:
-    """All timings as plain data, with what they were taken on."""
-    started = time.perf_counter()
+def run_throughput(device: Device, quick: bool) -> dict:
+    """The rates as plain data."""
     timings = time_cases(default_cases(device, quick), device, quick)
     multiply_adds = multiply_add_rate(device)
     return {
-        "device": device.describe(), "machine": platform.processor() or platform.machine(), "versions": versions(),
-        "git_revision": _git_revision(), "quick": quick, "rounds": ROUNDS[quick],
-        "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-        "multiply_adds_per_second": multiply_adds, "seconds": time.perf_counter() - started,
+        "warm_up_rays": WARM_UP_RAYS,
+        "rounds": ROUNDS[quick],
+        "multiply_adds_per_second": multiply_adds,
         "cases": [_row(timing, timings, multiply_adds) for timing in timings],
-    }  # fmt: skip
+    }
 
 
 def _row(timing: Timing, timings: list[Timing], multiply_adds: float) -> dict:
@@ -149,48 +157,8 @@ def _row(timing: Timing, timings: list[Timing], multiply_adds: float) -> dict:
     return {
         "group": case.group, "name": case.name, "scene": case.scene.name, "estimator": case.estimator,
         "sampler": case.sampler, "precision": case.precision, "vector_width": timing.width,
+        "rays_of_a_round": timing.rays, "warm_up_rays_per_second": timing.warm_up_rate,
         "rays_per_second": timing.median, "lowest": min(timing.rates), "highest": max(timing.rates),
         "of_plain_sphere": timing.median / plain.median, "of_no_accumulation": timing.median / limit.median,
         "multiply_adds_in_a_rays_time": multiply_adds / timing.median,
     }  # fmt: skip
-
-
-def _git_revision() -> str:
-    """Revision of the source tree that the package runs from, or "unknown" for an installed package."""
-    try:
-        told = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=Path(__file__).parent, check=True,
-                              capture_output=True, text=True, timeout=10)  # fmt: skip
-    except (OSError, subprocess.SubprocessError):
-        return "unknown"
-    return told.stdout.strip()
-
-
-def bench_tables(results: dict) -> list[Table]:
-    """The results as tables, one per group."""
-    head = ("", "M rays/s", "lowest", "highest", "of plain sphere", "of no accumulation", "multiply-adds per ray")
-    groups = dict.fromkeys(row["group"] for row in results["cases"])
-    return [
-        Table(group, head, [
-            (row["name"], *(f"{row[key] / 1e6:.1f}" for key in ("rays_per_second", "lowest", "highest")),
-             f"{row['of_plain_sphere']:.2f}", f"{row['of_no_accumulation']:.2f}",
-             f"{row['multiply_adds_in_a_rays_time']:.0f}")
-            for row in results["cases"] if row["group"] == group])
-        for group in groups
-    ]  # fmt: skip
-
-
-def write_plot(results: dict, path: Path) -> None:
-    """Bars of all cases, with whiskers from the slowest to the fastest round."""
-    from matplotlib.figure import Figure
-
-    from irtscots_cl.files import replacing
-
-    rows = results["cases"][::-1]
-    figure = Figure(figsize=(9, 0.28 * len(rows) + 1.2), layout="constrained")
-    axes = figure.subplots()
-    rates = np.array([[row[key] for row in rows] for key in ("lowest", "rays_per_second", "highest")]) / 1e6
-    axes.barh(range(len(rows)), rates[1], xerr=np.abs(np.diff(rates, axis=0)), color="tab:blue", ecolor="0.3")
-    axes.set_yticks(range(len(rows)), [f"{row['group'].split(',')[0]}: {row['name']}" for row in rows], fontsize=7)
-    axes.set(xlabel="M rays/s", title=f"{results['device']['name']}, {results['device']['platform']}")
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=120)

@@ -1,0 +1,58 @@
+"""The benchmark as a whole: all that is asked for as plain data, with what it was taken on."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from irtscots_cl.bench.scaling import run_scaling
+from irtscots_cl.bench.throughput import run_throughput
+from irtscots_cl.device import Device
+from irtscots_cl.report import versions
+
+
+def run_bench(device: Device, quick: bool = False, scaling: bool = False) -> dict:
+    """Contents of bench.json: rates, and with `scaling` or `quick` wall times under the key "scaling" (quick: tiny
+    sweeps). Raises DeviceError if the device cannot do it.
+    """
+    started = time.perf_counter()
+    facts = conditions(device) | {"quick": quick} | run_throughput(device, quick)
+    if scaling or quick:
+        facts["scaling"] = run_scaling(device, quick)
+    return facts | {"peak_memory_mib": peak_memory_mib(), "seconds": time.perf_counter() - started}
+
+
+def conditions(device: Device) -> dict:
+    """What a measurement is taken on: device, driver, machine, load before it begins, versions, revision."""
+    return {
+        "device": device.describe(),
+        "machine": platform.processor() or platform.machine(),
+        "processors": os.cpu_count(),
+        "load_average": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,  # not on Windows
+        "versions": versions(),
+        "git_revision": _git_revision(),
+    }
+
+
+def peak_memory_mib() -> float | None:
+    """The most memory that this process ever had, in MiB; None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    unit = 2**20 if sys.platform == "darwin" else 2**10  # macOS counts bytes, others KiB
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+
+
+def _git_revision() -> str:
+    """Revision of the source tree that the package runs from, or "unknown" for an installed package."""
+    try:
+        told = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=Path(__file__).parent, check=True,
+                              capture_output=True, text=True, timeout=10)  # fmt: skip
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return told.stdout.strip()

@@ -1,0 +1,80 @@
+"""Wall time of one forward trace: in this process, or in one whose OpenCL driver is told to use fewer cores.
+
+OpenCL's own way to fewer cores is the sub-device, but PoCL 3.0 runs a sub-device of one compute unit on all cores
+(measured: the same rate). Drivers for CPUs read a limit from the environment when they load, so each such timing has
+a process of its own; it counts only if the device there says that it has that many compute units.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+from irtscots_cl.calibration import calibrate
+from irtscots_cl.device import Device, DeviceError, select_device
+from irtscots_cl.presets import load_scene
+from irtscots_cl.scene import Scene
+from irtscots_cl.tracer import MAX_RAYS_PER_ITEM, trace
+
+TIMES = ("kernel_seconds", "trace_seconds", "total_seconds")
+LIMITS = ("POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT", "DPCPP_CPU_NUM_CUS")  # PoCL since 4, before; Intel
+
+
+def time_trace(scene: Scene, device: Device, rays_per_pixel: int) -> dict[str, float]:
+    """Seconds of one forward trace by TIMES, and the "rays" that it launched. Raises as `trace` does.
+
+    rays_per_pixel: per screen pixel. The total is of a call whose kernels are compiled and whose calibration is not
+    yet done.
+    """
+    calibrate.cache_clear()
+    started = time.perf_counter()
+    done = trace(scene, device=device, estimator="forward", rays_per_pixel=rays_per_pixel, replicates=1)
+    total = time.perf_counter() - started
+    return {
+        "rays": done.rays_total,
+        "kernel_seconds": done.seconds["kernels"],
+        "trace_seconds": done.seconds["trace"],
+        "total_seconds": total,
+    }
+
+
+def time_warm(scene: Scene, device: Device, rays_per_pixel: int) -> dict[str, float]:
+    """time_trace after a warm-up: at most a work-item's rays per pixel, which is enough to get the same kernel."""
+    time_trace(scene, device, min(rays_per_pixel, MAX_RAYS_PER_ITEM))
+    return time_trace(scene, device, rays_per_pixel)
+
+
+def time_on_cores(preset: str, device: Device, rays_per_pixel: int, cores: int) -> dict[str, float]:
+    """time_warm of a preset scene, in a process whose driver uses that many cores.
+
+    Raises DeviceError if the driver cannot be limited so, or if the process fails.
+    """
+    if device.kind != "cpu":
+        raise DeviceError(f"{device.name}: only drivers for CPUs can be told to use fewer cores")
+    job = {"preset": preset, "device": device.index, "rays_per_pixel": rays_per_pixel, "cores": cores}
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-m", __spec__.name, json.dumps(job)],
+        env=os.environ | dict.fromkeys(LIMITS, str(cores)), capture_output=True, text=True,
+    )  # fmt: skip
+    if done.returncode != 0:
+        raise DeviceError((done.stderr.strip() or f"the process ended with {done.returncode}").splitlines()[-1])
+    return json.loads(done.stdout.splitlines()[-1])  # a driver may have said something before
+
+
+def _serve(job: dict) -> dict:
+    """What the other process does."""
+    device = select_device(job["device"])
+    units = device.cl_device.max_compute_units
+    if units != job["cores"]:
+        raise DeviceError(f"{device.name}: has {units} compute units, asked for {job['cores']} by {', '.join(LIMITS)}")
+    return time_warm(load_scene(job["preset"]), device, job["rays_per_pixel"])
+
+
+if __name__ == "__main__":
+    try:
+        print(json.dumps(_serve(json.loads(sys.argv[1]))))
+    except DeviceError as error:
+        sys.exit(str(error))
