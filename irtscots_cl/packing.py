@@ -27,7 +27,8 @@ from irtscots_cl.zernikes import PowerRows, RadialSeries, power_rows
 RIM_POINTS = 32  # of the mirror, to fit the aim's ellipse
 AIM_MARGIN = 1e-4  # of the ellipse's axes, for what is not an ellipse between the rim points
 MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
-LARGE_DEVIATION_MM = 5e-3  # beyond it one Newton step leaves more than 1e-9 of slope (fp32's own rounding is 1e-8)
+MAX_NEWTON_STEPS = 8  # more than any deviation needs that is still a mirror's
+NEWTON_SLOPE = {"fp32": 1e-9, "fp64": 1e-13}  # rad, left by the last step; fp32's own rounding is 1e-8
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,9 @@ def pack(calibration: Calibration, precision: str) -> Packed:
         structs |= declared | {"Zernike": zernike}
     structs["Scene"] = scene_dtype(real, mirror, zernike)
     scene = np.zeros(1, structs["Scene"])
-    _fill_mirror(scene["mirror"][0:1], surface, precision)
+    _fill_mirror(scene["mirror"][0:1], surface)
+    if deviation is not None:
+        scene["mirror"]["newton_steps"] = newton_steps(calibration, NEWTON_SLOPE[precision])
     _fill_frame(scene["screen"], calibration.screen_frame)
     _fill_frame(scene["camera"], calibration.camera_frame)
     _fill_devices(scene, calibration)
@@ -84,15 +87,31 @@ def _surface_file(mirror) -> str:
     return "off_axis" if mirror.off_axis_mm != 0 else "conic"
 
 
-def _fill_mirror(out: np.ndarray, surface: Surface, precision: str) -> None:
+def _fill_mirror(out: np.ndarray, surface: Surface) -> None:
     for name in ("q_xx", "q_yy", "q_zz", "q_xz"):
         out[name] = getattr(surface.quadric, name)
     out["aperture_radius2"] = surface.aperture_radius_mm**2
     if surface.obscuration_radius_mm > 0:
         out["obscuration_radius2"] = surface.obscuration_radius_mm**2
-    if surface.deviation is not None:
-        largest = np.abs(surface.deviation.cosine).sum() + np.abs(surface.deviation.sine).sum()
-        out["newton_steps"] = 1 + (precision == "fp64") + (largest > LARGE_DEVIATION_MM)
+
+
+def newton_steps(calibration: Calibration, slope: float) -> int:
+    """Steps from the design surface to the deviated one that leave at most that slope error [rad], found by trial.
+
+    The kernel takes the deviation's slopes before its last move, so k steps have the slopes of k - 1 moves.
+    """
+    surface, order = calibration.surface, int(calibration.surface.deviation.m.max())
+    radius = surface.aperture_radius_mm * np.sqrt((np.arange(16) + 1) / 16)  # the rim is where polynomials are steep
+    angle = np.arange(2 * order + 16) * (2 * np.pi / (2 * order + 16))
+    x, y = (part.ravel() for part in (np.outer(radius, np.cos(angle)), np.outer(radius, np.sin(angle))))
+    points = np.stack([x, y, surface.quadric.meet(x, y, 0.0, 0.0)], -1)
+    left = np.zeros(MAX_NEWTON_STEPS - 1)
+    for frame in (calibration.camera_frame, calibration.screen_frame):
+        met = [surface.meet(points, points - frame.position_mm, moves)[0] for moves in range(MAX_NEWTON_STEPS)]
+        slopes = [np.stack(surface.deviation_at(at[:, 0], at[:, 1])[1:]) for at in met]
+        left = np.maximum(left, [np.nanmax(np.abs(found - slopes[-1])) for found in slopes[:-1]])
+    enough = np.flatnonzero(left <= slope)
+    return int(enough[0]) + 1 if len(enough) else MAX_NEWTON_STEPS
 
 
 def _fill_frame(out: np.ndarray, frame: Frame) -> None:

@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 
 from irtscots_cl.interface import PRECISIONS
+from irtscots_cl.probes import MeetProbe
 from irtscots_cl.scene import Camera, Detector, Mirror, Scene, Screen
 from irtscots_cl.stability.exact import ExactMirror
 from irtscots_cl.stability.outcome import Bench, Case, Finding, Limit, count, finding
-from irtscots_cl.stability.probes import MeetProbe
 from irtscots_cl.surface import Surface
 
 RAYS = 256

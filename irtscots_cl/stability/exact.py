@@ -14,7 +14,7 @@ import numpy as np
 from irtscots_cl.zernikes import index_to_nm
 
 DIGITS = 50  # the factorial sums of radial order 40 lose 15, roots next to a tangent 10 more
-NEWTON_STEPS = 7  # from the design to the deviated surface: more than doubles the digits each time
+NEWTON_STEPS = 5  # from the design to the deviated surface: each doubles the digits, of which a ray needs 25
 
 
 def _context():
@@ -101,12 +101,6 @@ class ExactMirror:
     def _in_parent(self, v):
         return [self._x[0] * v[0] + self._z[0] * v[2], v[1], self._x[2] * v[0] + self._z[2] * v[2]]
 
-    def _line(self, lines):
-        """Lines [4, n] as a point and a direction (down to up) in the segment's frame."""
-        x0, y0, p, q = (NUMBERS.exact(c) for c in lines)
-        zero = p * 0
-        return [x0, y0, zero], [p, q, zero + 1]
-
     def _design(self, start, direction):
         """Height z where lines cross the parent from its inside, next to the vertex; NaN where none does.
 
@@ -144,8 +138,13 @@ class ExactMirror:
         return height, slope_x, slope_y
 
     def meet(self, lines) -> ExactMet:
-        """Follow lines [4, n] (x0, y0, p, q) down to the surface as made."""
-        start, direction = self._line(lines)
+        """Follow lines [4, n] (x0, y0, p, q) of floats down to the surface as made."""
+        return self.meet_exact([NUMBERS.exact(c) for c in lines])
+
+    def meet_exact(self, lines) -> ExactMet:
+        """Follow lines [4][n] of exact numbers, the points (x0 + p z, y0 + q z, z), down to the surface as made."""
+        x0, y0, p, q = lines
+        start, direction = [x0, y0, p * 0], [p, q, p * 0 + 1]
         z = self._design(start, direction)
         point = [s + z * d for s, d in zip(start, direction, strict=True)]
         normal, parent_down = self._normal(point)
@@ -223,3 +222,26 @@ class ExactFrame:
         x, y, z = self.axes
         start = [p + u * a + v * b for p, a, b in zip(self.position, x, y, strict=True)]
         return start, [direction_u * a + direction_v * b - c for a, b, c in zip(x, y, z, strict=True)]
+
+
+def adjoint_landing(scene, image, aperture) -> tuple[list, ExactMet, np.ndarray]:
+    """Rays from image points through aperture points, both [2][n] exact in the camera's frame, to the screen.
+
+    Returns the landing points [2][n] in the screen's frame, where the rays met the mirror, and whether they run towards
+    the screen. The lens images the upright point X from X focus / image distance of the plane in focus.
+    """
+    camera, one = scene.camera, NUMBERS.exact
+    frame = ExactFrame(camera.position_mm, camera.look_at_mm)
+    focal = one(camera.focal_length_mm)[()]
+    if camera.focus_distance_mm is None:
+        gap = [one(a)[()] - one(b)[()] for a, b in zip(camera.position_mm, camera.look_at_mm, strict=True)]
+        focus = NUMBERS.sqrt(dot(gap, gap))[()]
+    else:
+        focus = one(camera.focus_distance_mm)[()]
+    image_distance = 1 / (1 / focal - 1 / focus)
+    slopes = [x / image_distance - a / focus for x, a in zip(image, aperture, strict=True)]
+    start, direction = frame.depart(*aperture, *slopes)
+    p, q = direction[0] / direction[2], direction[1] / direction[2]
+    met = ExactMirror(scene.mirror).meet_exact([start[0] - start[2] * p, start[1] - start[2] * q, p, q])
+    u, v, ahead = ExactFrame(scene.screen.position_mm, scene.screen.look_at_mm).arrive(met.point, met.direction)
+    return [u, v], met, ahead
