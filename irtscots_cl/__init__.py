@@ -35,6 +35,7 @@ _PUBLIC = {
     "compare": "comparison",
     "integrate_slopes": "integration",
     "load_scene": "presets",
+    "noise_gain": "integration",
     "reconstruct": "reconstruction",
     "select_device": "device",
     "trace": "tracer",
