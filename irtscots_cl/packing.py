@@ -29,6 +29,7 @@ AIM_MARGIN = 1e-4  # of the ellipse's axes, for what is not an ellipse between t
 MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
 MAX_NEWTON_STEPS = 8  # more than any deviation needs that is still a mirror's
 NEWTON_SLOPE = {"fp32": 1e-9, "fp64": 1e-13}  # rad, left by the last step; fp32's own rounding is 1e-8
+SLIGHT_SLOPE = 1e-6  # 100 steps of a single-precision slope: larger ones are lost by less than 1e-3 on average
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ def pack(calibration: Calibration, precision: str) -> Packed:
     choices |= {
         "surface": _surface_file(calibration.scene.mirror),
         "mirror": "deviated" if deviation is not None else "nominal",
+        "arrival": "slight" if _is_slight(surface, precision) else "plain",
         "aperture": "annulus" if annular else "disk",
     }
     return Packed(choices, structs, constants, scene)
@@ -95,15 +97,28 @@ def _fill_mirror(out: np.ndarray, surface: Surface) -> None:
         out["obscuration_radius2"] = surface.obscuration_radius_mm**2
 
 
+def _spread(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """Points (x, y) [n] over a deviated mirror, close enough to find its deviation's extremes; many on the rim."""
+    radius = surface.aperture_radius_mm * np.sqrt((np.arange(16) + 1) / 16)
+    angles = 2 * int(surface.deviation.m.max()) + 16
+    angle = np.arange(angles) * (2 * np.pi / angles)
+    return np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()
+
+
+def _is_slight(surface: Surface, precision: str) -> bool:
+    """Whether single precision would lose the deviation's slopes in the sum with the design's."""
+    if surface.deviation is None or precision != "fp32":
+        return False
+    return max(np.abs(slope).max() for slope in surface.deviation_at(*_spread(surface))[1:]) < SLIGHT_SLOPE
+
+
 def newton_steps(calibration: Calibration, slope: float) -> int:
     """Steps from the design surface to the deviated one that leave at most that slope error [rad], found by trial.
 
     The kernel takes the deviation's slopes before its last move, so k steps have the slopes of k - 1 moves.
     """
-    surface, order = calibration.surface, int(calibration.surface.deviation.m.max())
-    radius = surface.aperture_radius_mm * np.sqrt((np.arange(16) + 1) / 16)  # the rim is where polynomials are steep
-    angle = np.arange(2 * order + 16) * (2 * np.pi / (2 * order + 16))
-    x, y = (part.ravel() for part in (np.outer(radius, np.cos(angle)), np.outer(radius, np.sin(angle))))
+    surface = calibration.surface
+    x, y = _spread(surface)
     points = np.stack([x, y, surface.quadric.meet(x, y, 0.0, 0.0)], -1)
     left = np.zeros(MAX_NEWTON_STEPS - 1)
     for frame in (calibration.camera_frame, calibration.screen_frame):

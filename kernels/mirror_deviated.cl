@@ -31,9 +31,14 @@ INLINE void mirror_deviate(__constant Scene *scene, const Line *line, Meeting *a
     at->on_mirror &= aperture_contains(&scene->mirror, at->point);
 }
 
-// The design's normal under the point, tilted by the deviation's slopes.
+// The design's normal under the point.
+INLINE vec3v mirror_design_normal(__constant Scene *scene, const Meeting *at) {
+    return surface_normal(&scene->mirror, (vec3v){at->point.x, at->point.y, at->point.z - at->height});
+}
+
+// The same tilted by the deviation's slopes. Slight ones are lost in the sum: arrival_slight.cl carries them apart.
 INLINE vec3v mirror_normal(__constant Scene *scene, const Meeting *at) {
-    vec3v normal = surface_normal(&scene->mirror, (vec3v){at->point.x, at->point.y, at->point.z - at->height});
+    vec3v normal = mirror_design_normal(scene, at);
     normal.x -= at->slope_x * normal.z;
     normal.y -= at->slope_y * normal.z;
     return normal;

@@ -1,7 +1,6 @@
 // One adjoint path in stages: emit (detector pixel -> aperture -> line), mirror_meet, mirror_deviate, arrive (screen).
 // Frames as in path_forward.cl.
-#include "reflection.cl"
-#include "device_frame.cl"
+#include "arrival_*.cl"
 #include "uniform.cl"
 #include "sampler_*.cl"
 
@@ -28,6 +27,5 @@ INLINE Line adjoint_emit(__constant Scene *scene, const Receiver *receiver, cons
 // Where the ray crosses the screen's plane, in the screen's frame; false: it runs away from it.
 INLINE maskv adjoint_arrive(__constant Scene *scene, const Line *line, const Meeting *met, realv *u, realv *v) {
     realv slope_u, slope_v;
-    const vec3v direction = reflect(line, mirror_normal(scene, met));
-    return frame_arrive(&scene->screen, met->point, direction, u, v, &slope_u, &slope_v);
+    return reflected_arrive(scene, &scene->screen, line, met, u, v, &slope_u, &slope_v);
 }

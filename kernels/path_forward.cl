@@ -1,7 +1,6 @@
 // One forward path in stages: aim and emit (screen -> line), mirror_meet, mirror_deviate, arrive (camera's aperture).
 // Frames: world = the mirror's; screen's and camera's own.
-#include "reflection.cl"
-#include "device_frame.cl"
+#include "arrival_*.cl"
 #include "uniform.cl"
 #include "sampler_*.cl"
 
@@ -34,8 +33,7 @@ INLINE Line forward_emit(__constant Scene *scene, const Emitter *emitter, const 
 
 INLINE Arrival forward_arrive(__constant Scene *scene, const Line *line, const Meeting *met) {
     Arrival at;
-    const vec3v direction = reflect(line, mirror_normal(scene, met));
-    const maskv ahead = frame_arrive(&scene->camera, met->point, direction, &at.a, &at.b, &at.slope_a, &at.slope_b);
+    const maskv ahead = reflected_arrive(scene, &scene->camera, line, met, &at.a, &at.b, &at.slope_a, &at.slope_b);
     const realv radius2 = at.a * at.a + at.b * at.b;
     at.through = met->on_mirror & ahead & (radius2 <= scene->aperture_radius2);
     at.clipped = met->on_mirror & (!ahead | (radius2 > scene->aperture_radius2));

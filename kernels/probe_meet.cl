@@ -1,7 +1,6 @@
 // Probe: single lines to the mirror and on to the screen, written out. For checks of the arithmetic that the estimators
 // share (irtscots_cl/stability/), never for a run. Frames: the mirror's; u, v the screen's. Unit: mm.
-#include "reflection.cl"
-#include "device_frame.cl"
+#include "arrival_*.cl"
 
 #define LINE_FIELDS 4
 #define MET_FIELDS 8
@@ -19,7 +18,7 @@ __kernel void probe_meet(__constant Scene *scene, __global const real *lines, __
     mirror_deviate(scene, &line, &at);
     const vec3v normal = mirror_normal(scene, &at);
     realv u, v, slope_u, slope_v;
-    const maskv ahead = frame_arrive(&scene->screen, at.point, reflect(&line, normal), &u, &v, &slope_u, &slope_v);
+    const maskv ahead = reflected_arrive(scene, &scene->screen, &line, &at, &u, &v, &slope_u, &slope_v);
     const realv values[MET_FIELDS] = {at.point.x, at.point.y, at.point.z, normal.x, normal.y, normal.z, u, v};
     const intv masks[2] = {to_int(at.on_mirror), to_int(ahead)};
     for (int lane = 0; lane < WIDTH; ++lane) {

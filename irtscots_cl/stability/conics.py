@@ -53,9 +53,9 @@ HALVES: dict[str, tuple[float, float, float, float]] = {
 }
 
 
-def mirror_scene(mirror: Mirror, distance_mm: float = 4000.0) -> Scene:
-    """Any test of the mirror: screen and camera above it, to either side."""
-    side = 0.05 * distance_mm
+def mirror_scene(mirror: Mirror, distance_mm: float = 4000.0, arm: float = 0.05) -> Scene:
+    """Any test of the mirror: screen and camera above it, to either side by that part of their distance."""
+    side = arm * distance_mm
     detector = Detector(pixels=(16, 16), pitch_mm=0.1)
     return Scene(
         name="probe",
