@@ -118,12 +118,13 @@ def made_sweep(name, sizes, skipped=()):
             raise DeviceError("does not fit")
         return {"rays": 100} | {time: (k + 1) * point.size**0.5 for k, time in enumerate(wall.TIMES)}
 
-    return run_sweep(Sweep(name, "u", "f", tuple(Point(n, load_scene("sphere"), 1) for n in sizes)), None, 1, timer)
+    points = tuple(Point(n, load_scene("sphere"), 1) for n in sizes)
+    return run_sweep(Sweep(name, "u", "f", points, "by h"), None, 1, timer)
 
 
 def test_table_has_every_point_and_the_exponents():
     shown = tables.bench_tables(results_of(made_sweep("a", (1, 4, 16), skipped=(4,)), made_sweep("b", (1,))))
-    assert [table.title for table in shown] == ["scaling with a: f", "scaling with b: f"]
+    assert [table.title for table in shown] == ["scaling with a: f; by h", "scaling with b: f; by h"]
     assert all(len(row) == len(table.head) for table in shown for row in table.rows)
     assert [row[0] for row in shown[0].rows] == ["1", "4", "16", "exponent"]
     assert shown[0].rows[1][-1] == "does not fit"

@@ -47,14 +47,14 @@ def scaling_figure(results: dict) -> Figure:
             times = np.array([[point[name][key] for key in ("lowest", "median", "highest")] for point in timed])
             label = name.removesuffix("_seconds")
             if sweep["exponents"]:
-                label += f": exponent {sweep['exponents'][name]['exponent']:.2f}"
+                label += f": exponent {sweep['exponents'][name]['exponent']:z.2f}"
             if timed:
                 axes.errorbar([point["size"] for point in timed], times[:, 1], np.abs(np.diff(times, axis=1)).T,
                               marker=marker, capsize=3, label=label)  # fmt: skip
         if timed:
             axes.set(xscale="log", yscale="log")
             axes.legend(fontsize=8)
-        axes.set(xlabel=sweep["unit"], ylabel="seconds", title=f"{sweep['name']}: {sweep['fixed']}")
-        axes.title.set_size(8)
+        axes.set(xlabel=sweep["unit"], ylabel="seconds")
+        axes.set_title(f"{sweep['name']}: {sweep['fixed']}", fontsize=9)
     figure.suptitle(_title(results))
     return figure

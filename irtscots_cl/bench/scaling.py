@@ -41,12 +41,13 @@ class Point:
 
 @dataclass(frozen=True)
 class Sweep:
-    """name: what grows; unit: what a size counts; fixed: what does not change, and how the size was set."""
+    """name: what grows; unit: what a size counts; fixed: what stays the same; how: by what means the size was set."""
 
     name: str
     unit: str
     fixed: str
     points: tuple[Point, ...]
+    how: str = ""
 
 
 def default_sweeps(device: Device, quick: bool) -> list[Sweep]:
@@ -63,8 +64,9 @@ def default_sweeps(device: Device, quick: bool) -> list[Sweep]:
               tuple(Point(n * n, s, round(total / n**2)) for n, s in zip(SCREEN[quick], screens, strict=True))),
         Sweep("detector pixels", "pixels", f"{same}, the same field",
               tuple(Point(n * n, s, round(total / pixels)) for n, s in zip(DETECTOR[quick], detectors, strict=True))),
-        Sweep("cores", "cores", f"{same}, by {', '.join(LIMITS)} in processes of their own",
-              tuple(Point(n, sphere, round(total / pixels), n) for n in _core_counts(device))),
+        Sweep("cores", "cores", same,
+              tuple(Point(n, sphere, round(total / pixels), n) for n in _core_counts(device)),
+              f"in processes of their own, by {', '.join(LIMITS)}"),
     ]  # fmt: skip
 
 
@@ -116,7 +118,8 @@ def run_sweep(sweep: Sweep, device: Device, rounds: int, timer: Callable[[Point,
     if len(timed) > 1:
         seconds = {name: np.array([[one[name] for one in found[k]] for k in timed]) for name in TIMES}
         exponents = {name: fit_exponent(sizes, values) for name, values in seconds.items()}
-    return {"name": sweep.name, "unit": sweep.unit, "fixed": sweep.fixed, "points": rows, "exponents": exponents}
+    facts = {"name": sweep.name, "unit": sweep.unit, "fixed": sweep.fixed, "how": sweep.how}
+    return facts | {"points": rows, "exponents": exponents}
 
 
 def _spread(timings: list[dict]) -> dict:

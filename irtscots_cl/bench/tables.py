@@ -31,7 +31,8 @@ def _sweep_table(sweep: dict) -> Table:
     rows = [_point_row(point) for point in sweep["points"]]
     if sweep["exponents"]:
         rows.append(("exponent", *(_exponent_text(sweep["exponents"][name]) for name in TIMES), "", ""))
-    return Table(f"scaling with {sweep['name']}: {sweep['fixed']}", head, rows)
+    how = f"; {sweep['how']}" if sweep["how"] else ""
+    return Table(f"scaling with {sweep['name']}: {sweep['fixed']}{how}", head, rows)
 
 
 def _point_row(point: dict) -> tuple[str, ...]:
@@ -55,4 +56,4 @@ def _time_text(seconds: dict[str, float]) -> str:
 
 def _exponent_text(fit: dict[str, float]) -> str:
     error = f" +- {fit['standard_error']:.1g}" if math.isfinite(fit["standard_error"]) else ""
-    return f"{fit['exponent']:.2f}{error}"
+    return f"{fit['exponent']:z.2f}{error}"
