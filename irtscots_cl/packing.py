@@ -29,6 +29,7 @@ AIM_MARGIN = 1e-4  # of the ellipse's axes, for what is not an ellipse between t
 MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
 MAX_NEWTON_STEPS = 8  # more than any deviation needs that is still a mirror's
 NEWTON_SLOPE = {"fp32": 1e-9, "fp64": 1e-13}  # rad, left by the last step; fp32's own rounding is 1e-8
+LEAST_COSINE4 = 2.0**-6  # weights stay at or below WEIGHT_ONE times its inverse, 2^30
 SLIGHT_SLOPE = 1e-6  # 100 steps of a single-precision slope: larger ones are lost by less than 1e-3 on average
 
 
@@ -189,10 +190,14 @@ def receivers(calibration: Calibration, slots: np.ndarray, origins: np.ndarray, 
 
 
 def cosine4(calibration: Calibration, slots: np.ndarray) -> np.ndarray:
-    """cos^4 of the chief rays' object-side angle to the camera's axis at the pixels' centres [slots]."""
+    """cos^4 of the chief rays' object-side angle to the camera's axis at the pixels' centres [slots].
+
+    At least LEAST_COSINE4: a pixel so wide that its centre is far off the axis and its edge near it would otherwise
+    have rays whose weight, relative to the centre's, does not fit 31 bits.
+    """
     x, y = calibration.image_point(*np.divmod(slots, calibration.shape[1]))
     distance = calibration.scene.camera.image_distance_mm
-    return (1 + (x**2 + y**2) / distance**2) ** -2
+    return np.maximum((1 + (x**2 + y**2) / distance**2) ** -2, LEAST_COSINE4)
 
 
 def emitters(calibration: Calibration, precision: str, overfill: float) -> tuple[np.ndarray, np.ndarray]:

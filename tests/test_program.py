@@ -97,6 +97,7 @@ def test_no_kernel_file_is_dead():
     for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
     used |= set(compose("multiply_add.cl", {}, STRUCTS, "fp32", 8).files)  # the benchmark's own
+    used |= set(compose("probe_sums.cl", {}, STRUCTS, "fp32", 8).files)
     assert used == {path.name for path in kernels_folder().iterdir()}
 
 

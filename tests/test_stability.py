@@ -9,12 +9,10 @@ from oracle import tracer
 
 from irtscots_cl.geometry import Quadric
 from irtscots_cl.presets import load_scene
-from irtscots_cl.stability import conics, paths, signature, zernike
 from irtscots_cl.stability.conics import HALVES
 from irtscots_cl.stability.exact import ExactMirror
 from irtscots_cl.stability.outcome import Bench, Limit, finding
-
-CASES = (*conics.CASES, *paths.CASES, *signature.CASES, *zernike.CASES)
+from irtscots_cl.stability.suite import CASES
 
 
 def named(cases):

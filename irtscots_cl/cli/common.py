@@ -70,7 +70,10 @@ def add_trace_choices(parser: argparse.ArgumentParser) -> None:
 
 
 class progress_bar:  # noqa: N801  used as a function: `with progress_bar() as report:`
-    """A bar on stderr while rays are traced, where stderr is a terminal."""
+    """A bar on stderr while something long is done, where stderr is a terminal."""
+
+    def __init__(self, doing: str = "tracing"):
+        self._doing = doing
 
     def __enter__(self) -> Callable[[int, int], None]:
         from rich.console import Console
@@ -79,7 +82,7 @@ class progress_bar:  # noqa: N801  used as a function: `with progress_bar() as r
         console = Console(stderr=True)
         self._bar = Progress(console=console, transient=True, disable=not console.is_terminal)
         self._bar.start()
-        task = self._bar.add_task("tracing", total=None)
+        task = self._bar.add_task(self._doing, total=None)
         return lambda done, total: self._bar.update(task, completed=done, total=total)
 
     def __exit__(self, *_) -> None:

@@ -1,4 +1,4 @@
-"""Cases: a deviation's signature on the screen grows in proportion to the deviation, down to a hundredth of a nanometre."""
+"""Cases: a deviation's signature on the screen grows in proportion to it, down to a hundredth of a nanometre."""
 
 from __future__ import annotations
 
