@@ -239,6 +239,15 @@ def test_many_maps_are_integrated_as_one_by_one(method):
     assert integrate_slopes(x, y, p[:0], q[:0], mask, method).shape == (0, 3, 12, 15)
 
 
+@pytest.mark.parametrize("rows", [1, 2, 3, 5])
+def test_modal_leaves_out_what_strips_cannot_tell_from_flat(rows):
+    """Straight rows do not see at all a polynomial that is level on each; the quadratic must not lose a part to it."""
+    x, y = straight_grid(rows, 40)
+    mask = np.ones((rows, 40), bool)
+    z, p, q = polynomial(2, x, y)
+    assert_heights(integrate_slopes(x, y, p, q, mask, "modal"), levelled(z, mask), 1e-12)  # heights of 1 mm, rounding
+
+
 def test_modal_in_blocks_is_modal_in_one(monkeypatch):
     mask = disk(31, 31)
     x, y = sheared_grid(31, 31)
@@ -336,3 +345,4 @@ def test_neighbours_at_one_place(method):
             integrate_slopes(**given, method=method)
     else:
         assert not integrate_slopes(**given, method=method)[given["mask"]].any()  # flat slopes, flat heights
+        assert not integrate_slopes(*np.ones((4, 2, 2)), np.ones((2, 2), bool), method).any()  # no way to rise

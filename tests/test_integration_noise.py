@@ -67,6 +67,14 @@ def test_noise_gain_repeats_and_its_error_falls_with_the_draws():
     assert many == pytest.approx(few / 4, rel=0.5)  # the error of few is itself known to 10 %, with heavy tails 20 %
 
 
+def test_the_standard_error_is_the_scatter_of_repeated_gains():
+    x, y = np.array([[0.0, 10.0, 20.0, 25.0]]), np.zeros((1, 4))
+    found = [noise_gain(x, y, np.ones((1, 4), bool), draws=40, seed=seed) for seed in range(300)]
+    scatter = np.std([gain.nm_per_urad for gain in found])
+    stated = np.sqrt(np.mean([gain.standard_error**2 for gain in found]))
+    assert scatter / stated == pytest.approx(1, abs=0.2)  # 300 gains: known to 4 %, the rest for 40 draws' heavy tails
+
+
 def test_noise_gain_is_in_nm_per_urad():
     """Of three nodes in a line, 10 mm apart, by hand."""
     x, y = np.array([[0.0, 10.0, 20.0]]), np.zeros((1, 3))

@@ -71,8 +71,8 @@ def _fit(x: Values, y: Values, p: Values, q: Values) -> Values:
         height = heights[:count, :count] @ right.T  # of the polynomials with these slopes
         seen = slope > _RANK * slope[0]
         lever = np.linalg.norm(height[:, seen] / slope[seen], 2)
-        unseen = np.linalg.norm(height[:, ~seen]) / np.linalg.norm(height)
-        if lever <= _LEVER * diagonal and unseen < 100 * _RANK:
+        unseen = np.linalg.norm(height[:, ~seen])
+        if lever <= _LEVER * diagonal and unseen <= 100 * _RANK * np.linalg.norm(height):
             break
     coefficients = right[seen].T @ ((left.T @ projected[:, :count].T)[seen] / slope[seen][:, None])
     return sum(c[:, None] * zernike(j, u, v) for j, c in enumerate(coefficients, start=2))
