@@ -7,7 +7,8 @@ are kept apart for error bars.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,7 +21,8 @@ class Scan:
     pixels: [n] flat pixel numbers row * columns + column. first_line: [n] the light curves' first line.
     flux_w: [replicates, n, window] flux; outside its window a pixel is dark. weights: [replicates] share of each
     replicate in the mean (rays, exposures). hits: [n] independent random rays behind the whole light curve; NaN where
-    there is no such number: other samplers, lab images.
+    there is no such number: other samplers, lab images. saturation_w: where the camera's pixels saturate; infinite for
+    a simulation.
     """
 
     axis: str
@@ -31,6 +33,7 @@ class Scan:
     flux_w: np.ndarray = field(repr=False)
     weights: np.ndarray
     hits: np.ndarray = field(repr=False)
+    saturation_w: float = math.inf
 
     @property
     def lines(self) -> np.ndarray:
@@ -109,6 +112,15 @@ class ImageStack:
 
     x: Scan
     y: Scan
+
+    def saturating_at(self, saturation_w: float) -> ImageStack:
+        """The same images of a camera whose pixels saturate at that value, in the images' own unit.
+
+        Raises ValueError for a value that is not above 0.
+        """
+        if not saturation_w > 0:
+            raise ValueError(f"--saturation = {saturation_w}: must be above 0")
+        return ImageStack(*(replace(scan, saturation_w=saturation_w) for scan in (self.x, self.y)))
 
 
 def jackknife_error(estimates: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ class Flag(IntEnum):
     EMPTY = 1  # no light at all, or none without one of the replicates
     CLIPPED = 2  # reaches past the screen's first or last line: its centroid would be wrong
     STRAY = 3  # much of its light is where the geometry allows none: background, a second peak, another scene
+    SATURATED = 4  # a sample of any exposure is at the camera's limit: its flat top hides where the middle is
 
 
 def effective_screen_pixels(curves_w: np.ndarray, threshold: float = 0.0) -> np.ndarray:
@@ -57,4 +58,5 @@ def flag_curves(scan: Scan, curves_w: np.ndarray, centroid_mm: np.ndarray, reach
     flags = np.where(stray > STRAY_SHARE * np.maximum(curves_w, 0.0).sum(-1), Flag.STRAY, Flag.GOOD)
     tolerance = np.where(lit_edge, EDGE_TOLERANCE, DARK_EDGE_TOLERANCE) * pitch
     flags = np.where(beyond > tolerance, Flag.CLIPPED, flags)
+    flags = np.where((scan.flux_w >= scan.saturation_w).any((0, -1)), Flag.SATURATED, flags)
     return np.where(lit.any(-1), flags, Flag.EMPTY)

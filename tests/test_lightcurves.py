@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from irtscots_cl.images import Scan
+from irtscots_cl.images import ImageStack, Scan
 from irtscots_cl.lightcurves import DARK_EDGE_TOLERANCE, EDGE_TOLERANCE, Flag, effective_screen_pixels, flag_curves
 
 POSITIONS = np.array([-0.4, -0.2, 0.0, 0.2, 0.4])  # the screen's edges are at -0.5 and 0.5 mm
@@ -71,6 +71,19 @@ def test_samples_past_the_scan_s_last_line_are_no_edge():
 def test_the_edge_is_where_the_scan_s_own_lines_end():
     assert flag([0, 0, 1, 2, 1], 100.2, 0.295, positions=POSITIONS + 100) == Flag.GOOD
     assert flag([0, 0, 1, 2, 1], 100.2, 0.35, positions=POSITIONS + 100) == Flag.CLIPPED
+
+
+def test_a_curve_at_the_cameras_limit_is_saturated():
+    """In one exposure out of three: in the mean its top is below the limit, and still bent."""
+    exposures = np.array([[0, 1, 3, 1, 0], [0, 1, 2.9, 1, 0], [0, 1, 2.8, 1, 0]], float)[:, None]
+    scan = Scan("x", POSITIONS, (1, 1), np.zeros(1, int), np.zeros(1, int), exposures, np.ones(3), np.ones(1))
+    for limit, expected in ((np.inf, Flag.GOOD), (3.01, Flag.GOOD), (3.0, Flag.SATURATED), (2.85, Flag.SATURATED)):
+        stack = ImageStack(scan, scan).saturating_at(limit)
+        assert flag_curves(stack.x, scan.mean_w(), np.zeros(1), np.full(1, 0.3)) == [expected]
+        assert stack.y.saturation_w == limit and np.isinf(scan.saturation_w)
+    for wrong in (0.0, -1.0, np.nan):
+        with pytest.raises(ValueError, match="--saturation = .*: must be above 0"):
+            ImageStack(scan, scan).saturating_at(wrong)
 
 
 def test_one_line_alone_tells_no_centroid():

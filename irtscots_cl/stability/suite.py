@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 
 from irtscots_cl.device import Device
 from irtscots_cl.report import Table, versions
-from irtscots_cl.stability import conics, counting, edges, invariance, paths, signature, zernike
+from irtscots_cl.stability import conics, counting, curves, edges, invariance, masks, paths, signature, zernike
 from irtscots_cl.stability.outcome import Bench, Case, Finding
 
-_PARTS = (conics, edges, paths, zernike, signature, invariance, counting)
+_PARTS = (conics, edges, paths, zernike, signature, invariance, counting, masks, curves)
 CASES: tuple[Case, ...] = tuple(case for part in _PARTS for case in part.CASES)
 HOST = "host"
 
