@@ -12,8 +12,10 @@ from irtscots_cl.interface import (
     LAUNCH,
     PRECISIONS,
     WEIGHT_ONE,
+    chord_dtype,
     emitter_dtype,
     frame_dtype,
+    line_receiver_dtype,
     mirror_dtype,
     receiver_dtype,
     scene_dtype,
@@ -21,6 +23,7 @@ from irtscots_cl.interface import (
     zernike_power_dtype,
     zernike_term_dtype,
 )
+from irtscots_cl.pixellight import PixelLight
 from irtscots_cl.surface import Surface
 from irtscots_cl.zernikes import PowerRows, RadialSeries, power_rows
 
@@ -53,6 +56,8 @@ def pack(calibration: Calibration, precision: str) -> Packed:
         "Launch": LAUNCH,
         "Emitter": emitter_dtype(real),
         "Receiver": receiver_dtype(real),
+        "Chord": chord_dtype(real),
+        "LineReceiver": line_receiver_dtype(real),
         "Frame": frame_dtype(real),
         "Mirror": mirror,
     }
@@ -186,6 +191,28 @@ def receivers(calibration: Calibration, slots: np.ndarray, origins: np.ndarray, 
     out["weight_scale"] = WEIGHT_ONE / cosine4(calibration, slots)
     out["column"], out["row"] = origins.T
     out["pixel"] = slots
+    return out
+
+
+def line_receivers(calibration: Calibration, slots: np.ndarray, origins: np.ndarray, precision: str) -> np.ndarray:
+    """Sources [slots] of the smoothed adjoint estimator: receivers and, from the pixels' maps, their chords.
+
+    A pixel without a map (some of its rays miss the surface) gets chords of no length: its rays land as points.
+    """
+    real = PRECISIONS[precision]
+    out = np.zeros(len(slots), line_receiver_dtype(real))
+    out["start"] = receivers(calibration, slots, origins, precision)
+    light = PixelLight.of(calibration, slots)
+    radius, pitch = calibration.scene.camera.aperture_diameter_mm / 2, calibration.scene.screen.pitch_mm
+    for k, output in enumerate("uv"):
+        chord = light.chord(output)
+        out["chords"]["normal_a"][:, k], out["chords"]["normal_b"][:, k] = chord.normal
+        out["chords"]["slope"][:, k], out["chords"]["bend"][:, k] = (
+            chord.slope / pitch / radius,
+            chord.bend / pitch / radius**2,
+        )
+        out["chords"]["growth"][:, k] = chord.growth / radius
+        out["chords"]["mirror_x"][:, k], out["chords"]["mirror_y"][:, k] = chord.mirror / radius
     return out
 
 

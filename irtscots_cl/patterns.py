@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.images import ImageStack, Scan
-from irtscots_cl.samplers import INDEPENDENT
 from irtscots_cl.scene import Scene
-from irtscots_cl.transport import Transport
+from irtscots_cl.transport import LineLight, Transport
 
 
 @dataclass(frozen=True)
@@ -38,27 +37,22 @@ class LineScan:
         count = screen.pixels[k]
         return (np.arange(count) - (count - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[k]
 
-    def images(self, transport: Transport) -> ImageStack:
+    def images(self, transport: Transport | LineLight) -> ImageStack:
         """The image stack of both scans. Raises ValueError for a transport of another screen."""
         if transport.scene.screen.pixels != self.scene.screen.pixels:
             raise ValueError(
                 f"the pattern's screen has {self.scene.screen.pixels} pixels, "
                 f"the transport's {transport.scene.screen.pixels}"
             )
-        # a scan along x adds up the window's rows, one along y its columns
-        return ImageStack(*(self._scan(axis, transport, summed) for axis, summed in (("x", 1), ("y", 2))))
+        return ImageStack(*(self._scan(axis, transport) for axis in ("x", "y")))
 
-    def _scan(self, axis: str, transport: Transport, summed: int) -> Scan:
+    def _scan(self, axis: str, transport: Transport | LineLight) -> Scan:
         columns, rows = self.scene.camera.detector.pixels
-        windows, replicates = transport.windows, transport.replicates
-        if self.brightness is None and transport.unit_w.shape[1:] == (1, 1):
-            # one factor for a whole window: whole numbers are added up first, which is faster
-            sums = transport.counts.sum(1 + summed) * (transport.unit_w[:, 0] / transport.rays[:, None, None])
-        else:
-            brightness = 1.0 if self.brightness is None else windows.gather(np.asarray(self.brightness))
-            sums = np.stack([(transport.flux_w(r) * brightness).sum(summed) for r in range(replicates)])
+        windows = transport.windows
+        brightness = None if self.brightness is None else np.asarray(self.brightness)
+        flux = transport.line_flux_w(axis, brightness)
         first_line = windows.origins[:, "xy".index(axis)].astype(np.int64)
-        weights, hits = transport.rays.astype(float), transport.hits()
-        if transport.options.sampler not in INDEPENDENT:
-            hits = np.full(len(hits), np.nan)
-        return Scan(axis, self.positions_mm(axis), (rows, columns), windows.pixels, first_line, sums, weights, hits)
+        weights = transport.rays.astype(float)
+        return Scan(
+            axis, self.positions_mm(axis), (rows, columns), windows.pixels, first_line, flux, weights, transport.hits()
+        )

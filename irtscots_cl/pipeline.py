@@ -12,13 +12,14 @@ from irtscots_cl.comparison import HEIGHT_TERMS, Comparison, compare
 from irtscots_cl.device import Device
 from irtscots_cl.files import check_output_folder, write_json, write_result
 from irtscots_cl.images import ImageStack
+from irtscots_cl.measures import measure_by
 from irtscots_cl.patterns import LineScan
 from irtscots_cl.prediction import predict_error
-from irtscots_cl.reconstruction import Reconstruction, reconstruct
+from irtscots_cl.reconstruction import Reconstruction
 from irtscots_cl.report import build_report, versions, write_html
 from irtscots_cl.scene import Scene
 from irtscots_cl.tracer import trace
-from irtscots_cl.transport import Transport
+from irtscots_cl.transport import LineLight, Transport
 from irtscots_cl.zonal import remove_terms, rms
 
 
@@ -26,7 +27,7 @@ from irtscots_cl.zonal import remove_terms, rms
 class Run:
     """A finished simulation and its measurement. report: as report.json holds it."""
 
-    transport: Transport
+    transport: Transport | LineLight
     stack: ImageStack
     result: Reconstruction
     comparison: Comparison
@@ -34,22 +35,28 @@ class Run:
 
 
 def simulate(
-    scene: Scene, *, device: Device | None = None, progress: Callable[[int, int], None] | None = None, **trace_options
+    scene: Scene,
+    *,
+    measure: str = "paper",
+    device: Device | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    **trace_options,
 ) -> Run:
     """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
 
-    trace_options: estimator, sampler, precision, rays_per_pixel, replicates, seed, overfill of `trace`. Raises as
-    `trace` and `reconstruct` do.
+    measure: a name of measures.MEASURES. trace_options: estimator, sampler, precision, rays_per_pixel, replicates,
+    seed, overfill, smoothing of `trace`. Raises as `trace` and `measure_by` do.
     """
     started = time.perf_counter()
     transport = trace(scene, device=device, progress=progress, **trace_options)
     traced = time.perf_counter()
     stack = transport.images(LineScan(scene))
-    result = reconstruct(stack, scene.nominal())
+    result = measure_by(measure, stack, scene.nominal())
     measured = time.perf_counter()
     comparison, predicted = compare(result, scene), predict_error(result, stack)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
-    return Run(transport, stack, result, comparison, build_report(transport, result, comparison, predicted, seconds))
+    report = build_report(transport, measure, result, comparison, predicted, seconds)
+    return Run(transport, stack, result, comparison, report)
 
 
 def write_run(run: Run, folder: Path) -> None:
@@ -69,6 +76,7 @@ def write_run(run: Run, folder: Path) -> None:
         "estimator": report["estimator"],
         "sampler": report["sampler"],
         "precision": report["precision"],
+        "measure": report["measure"],
         "ledger": json.dumps(report["ledger"]),
     }
     write_result(folder / "result.h5", run.stack, run.result, attributes | _version_attributes())
@@ -88,21 +96,25 @@ def _version_attributes() -> dict[str, str]:
     return {f"version {name}": value for name, value in versions().items()}
 
 
-def measure(stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 0.0) -> dict:
+def measure(stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 0.0, how: str = "paper") -> dict:
     """Measure a mirror from images alone, without a truth to compare with.
 
-    Writes result.h5 and figures into the folder and returns the main facts, named as in report.json.
+    how: a name of measures.MEASURES. Writes result.h5 and figures into the folder and returns the main facts, named as
+    in report.json.
     """
     from irtscots_cl.plots import write_figures
 
-    result = reconstruct(stack, nominal, threshold=threshold)
+    result = measure_by(how, stack, nominal, threshold)
     _open_folder(folder)
-    write_result(folder / "result.h5", stack, result, {"scene": nominal.to_toml()} | _version_attributes())
+    attributes = {"scene": nominal.to_toml(), "measure": how} | _version_attributes()
+    write_result(folder / "result.h5", stack, result, attributes)
     write_figures(folder / "figures", stack, result, None)
     left = {t: remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, t) for t in HEIGHT_TERMS}
     deviation = {terms: rms(height, result.mask) * 1e6 for terms, height in left.items()}
     return {
         "scene": nominal.name,
+        "measure": how,
+        "refinement_updates_nm": list(result.updates_nm),
         "pixels_used": result.pixels_used,
         "light_curves_refused": result.refused(),
         "deviation_nm_rms": deviation,

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from irtscots_cl.comparison import Comparison
 from irtscots_cl.files import replacing
 from irtscots_cl.images import ImageStack
-from irtscots_cl.prediction import chord_cdf
+from irtscots_cl.pixellight import chord_cdf
 from irtscots_cl.reconstruction import Reconstruction
 from irtscots_cl.zonal import remove_terms
 

@@ -12,7 +12,7 @@ from irtscots_cl.comparison import Comparison, Estimate
 from irtscots_cl.files import write_text
 from irtscots_cl.prediction import PredictedError
 from irtscots_cl.reconstruction import Reconstruction
-from irtscots_cl.transport import Transport
+from irtscots_cl.transport import LineLight, Transport
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,14 @@ def versions() -> dict[str, str]:
 
 
 def build_report(
-    transport: Transport,
+    transport: Transport | LineLight,
+    measure: str,
     result: Reconstruction,
     comparison: Comparison,
     predicted: PredictedError,
     seconds: dict[str, float],
 ) -> dict:
-    """The contents of report.json. seconds: build, trace, reconstruct, total."""
+    """The contents of report.json. measure: name of how it was measured. seconds: build, trace, reconstruct, total."""
     height = {key: estimate.value for key, estimate in comparison.height_error_nm.items()}
     return {
         "scene": transport.scene.name,
@@ -52,6 +53,9 @@ def build_report(
         "precision": transport.options.precision,
         "seed": transport.options.seed,
         "overfill": transport.options.overfill,
+        "smoothing": transport.options.smoothing,
+        "measure": measure,
+        "refinement_updates_nm": list(result.updates_nm),
         "replicates": transport.replicates,
         "versions": versions(),
         "rays_total": transport.rays_total,

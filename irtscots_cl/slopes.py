@@ -17,3 +17,25 @@ def half_vector_slopes(mirror_mm: np.ndarray, screen_mm: np.ndarray, camera_mm: 
         to_camera, axis=-1, keepdims=True
     )
     return -half[..., 0] / half[..., 2], -half[..., 1] / half[..., 2]
+
+
+def without_pixel_average(slope: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Slopes at the pixels' centres from their means over the pixels: [..., rows, columns], mask [rows, columns].
+
+    The mean of a smooth function over a pixel is its value at the centre plus 1/24 of its second differences along rows
+    and columns, to fourth order in the pitch. At the mask's edge the neighbour's second difference stands for the
+    pixel's own; a pixel with too few neighbours in a row or column keeps the mean there. NaN outside the mask.
+    """
+    slope = np.where(mask, slope, np.nan)
+    excess = np.zeros_like(slope)
+    for axis in (-2, -1):
+        second = np.full_like(slope, np.nan)
+        inner, along = np.moveaxis(second, axis, -1), np.moveaxis(slope, axis, -1)
+        inner[..., 1:-1] = along[..., :-2] - 2 * along[..., 1:-1] + along[..., 2:]
+        for shift in (-1, 1):
+            borrowed = np.full_like(inner, np.nan)
+            target, source = (slice(1, None), slice(None, -1)) if shift == 1 else (slice(None, -1), slice(1, None))
+            borrowed[..., target] = inner[..., source]
+            inner[...] = np.where(np.isnan(inner), borrowed, inner)
+        excess += np.nan_to_num(second)
+    return slope - excess / 24

@@ -1,25 +1,24 @@
-"""Trace a scene on a device: scene + device -> Transport, by the forward or the adjoint estimator."""
+"""Trace a scene: scene + device -> Transport, by the forward or the adjoint estimator; or by the analytic one."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from irtscots_cl.analytic import trace_analytic
 from irtscots_cl.calibration import Calibration, calibrate, check_visible
 from irtscots_cl.device import Device, select_device
 from irtscots_cl.execution import LocalMemory, Workspace
-from irtscots_cl.interface import LAUNCH, PRECISIONS, WEIGHT_ONE, Fate
-from irtscots_cl.packing import cosine4, emitters, pack, receivers
+from irtscots_cl.interface import LAUNCH, WEIGHT_ONE, Fate
+from irtscots_cl.options import ANALYTIC, MAX_SMOOTHED_RAYS, TraceOptions
+from irtscots_cl.packing import cosine4, emitters, line_receivers, pack, receivers
 from irtscots_cl.program import check_precision, compose
-from irtscots_cl.samplers import SAMPLERS
 from irtscots_cl.scene import Scene
-from irtscots_cl.transport import Transport, ledger_from
+from irtscots_cl.transport import LineLight, Transport, ledger_from, line_flux
 from irtscots_cl.windows import place_windows
 
-ESTIMATORS = ("forward", "adjoint")
 MAX_RAYS_PER_ITEM = 2**18  # of one work-item: amortises its tile, and keeps every 32-bit tile bin below 2^32
 MIN_TIMED_RAYS = 2**14  # of a stream, in a benchmark
 FIRST_LAUNCH_RAYS = 2**24  # before a launch has been timed
@@ -27,34 +26,6 @@ LAUNCH_SECONDS = 0.4  # aimed at, so that progress and interruption stay respons
 MAX_MARGIN = 8  # screen pixels; chief rays that are wrong by more are a bug
 MAX_TILE_BYTES = 2**19  # a larger detector tile would leave the core's cache
 TILE_BYTES_PER_RAY = 4  # with more, clearing and merging a tile costs more than its rays' atomics
-
-
-@dataclass(frozen=True)
-class TraceOptions:
-    """How to trace. Refuses what is out of range with a ValueError that names the command line's option.
-
-    estimator: "forward" or "adjoint". sampler: a name of samplers.SAMPLERS. precision: "fp32" or "fp64".
-    seed: 64 bits. overfill: forward only, solid angle of the emission over the least that covers the mirror.
-    """
-
-    estimator: str = "adjoint"
-    sampler: str = "philox"
-    precision: str = "fp32"
-    seed: int = 1
-    overfill: float = 1.0
-
-    def __post_init__(self) -> None:
-        for option, value, allowed in (
-            ("estimator", self.estimator, ESTIMATORS),
-            ("sampler", self.sampler, SAMPLERS),
-            ("precision", self.precision, tuple(PRECISIONS)),
-        ):
-            if value not in allowed:
-                raise ValueError(f"--{option} = {value!r}: must be one of {', '.join(allowed)}")
-        if not 0 <= self.seed < 2**64:
-            raise ValueError(f"--seed = {self.seed}: must be 0 to 2^64 - 1")
-        if not 1.0 <= self.overfill <= 1e4:
-            raise ValueError(f"--overfill = {self.overfill}: must be 1 to 10000")
 
 
 def trace(
@@ -68,21 +39,30 @@ def trace(
     replicates: int = 8,
     seed: int = 1,
     overfill: float = 1.0,
+    smoothing: bool = False,
     progress: Callable[[int, int], None] | None = None,
     launch_rays: int | None = None,
-) -> Transport:
+) -> Transport | LineLight:
     """Trace rays_per_pixel rays per screen pixel (forward) or per detector pixel (adjoint).
 
+    The analytic estimator takes no rays and no device, so none of the other arguments, and gives light curves alone.
+
     device: as select_device gives it; None selects one. replicates: independent parts of the rays, for error bars.
-    estimator, sampler, precision, seed, overfill: see TraceOptions. progress(done, total) is called after each launch
-    with ray numbers. launch_rays: rays per launch, instead of timing; no result depends on it. Same seed and device,
-    same bits.
+    estimator, sampler, precision, seed, overfill, smoothing: see TraceOptions. progress(done, total) is called after
+    each launch with ray numbers. launch_rays: rays per launch, instead of timing; no result depends on it. Same seed
+    and device, same bits.
 
     Raises ValueError for an argument out of range, SceneError if no pixel sees the screen, DeviceError if the device
     cannot do it.
     """
-    options = TraceOptions(estimator, sampler, precision, seed, overfill)
+    options = TraceOptions(estimator, sampler, precision, seed, overfill, smoothing)
+    if estimator == ANALYTIC:
+        return trace_analytic(scene)
     rays = share_rays(rays_per_pixel, replicates)
+    if smoothing and rays.max() > MAX_SMOOTHED_RAYS:
+        raise ValueError(
+            f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 for each replicate"
+        )
     device = device if device is not None else select_device()
     started = time.perf_counter()
     calibration = calibrate(scene)
@@ -101,6 +81,9 @@ def trace(
     ledger = ledger_from(fates, int(rays.sum()) * tracer.streams)
     seconds = {"build": built - started, "trace": traced - built, "kernels": tracer.kernel_seconds}
     windows, facts = tracer.windows, device.describe()
+    if smoothing:
+        flux = line_flux(counts, windows, tracer.unit_w[:, 0], rays)
+        return LineLight(scene, options, facts, windows, flux, rays, ledger, seconds)
     return Transport(scene, options, facts, windows, counts, tracer.unit_w, rays, ledger, seconds)
 
 
@@ -160,6 +143,8 @@ class Tracer:
         self._detector_pixels = int(np.prod(calibration.shape))
         packed = pack(calibration, options.precision)
         sources, self.unit_w = self._sources(calibration)
+        rows, columns = self.windows.rows, self.windows.columns
+        self._bins = (columns + 2 + rows + 2,) if options.smoothing else (rows, columns)  # of a slot
         self.streams, self.kernel_seconds, self._rays_per_second = len(sources), 0.0, 0.0
         tile = LocalMemory(self._tile_bytes())
         if accumulate is None:
@@ -167,10 +152,11 @@ class Tracer:
             accumulate = "tile" if device.kind == "cpu" and fits else "atomic"
         choices = packed.choices | {"sampler": options.sampler, "accumulate": accumulate}
         width = width or device.vector_width(options.precision)
-        entry = f"trace_{options.estimator}"
+        entry = "trace_lines" if options.smoothing else f"trace_{options.estimator}"
         self.source = compose(f"{entry}.cl", choices, packed.structs, options.precision, width, packed.constants)
         self._workspace = work = Workspace(device, self.source, entry)
-        self._counts, self._ledger = work.empty(8 * self.windows.count), work.empty(8 * len(Fate))
+        self._counts = work.empty(8 * len(self.windows.pixels) * int(np.prod(self._bins)))
+        self._ledger = work.empty(8 * len(Fate))
         lookup = [work.upload(array) for array in self._lookup()]
         self._before = [work.upload(packed.scene)]
         tile = tile if accumulate == "tile" else LocalMemory(8)
@@ -188,13 +174,14 @@ class Tracer:
         pixels, origins = self.windows.pixels, self.windows.origins
         area = np.pi / 4 * camera.aperture_diameter_mm**2 * camera.detector.pitch_mm**2
         unit = gain * area / camera.image_distance_mm**2 * cosine4(calibration, pixels) / WEIGHT_ONE
-        return receivers(calibration, pixels, origins, self.options.precision), unit[:, None, None]
+        made = line_receivers if self.options.smoothing else receivers
+        return made(calibration, pixels, origins, self.options.precision), unit[:, None, None]
 
     def _tile_bytes(self) -> int:
         """Local memory of a work-item that accumulates in a tile of its own."""
         if self.options.estimator == "forward":
             return 4 * self._detector_pixels
-        return 8 * (self.windows.rows * self.windows.columns + len(Fate))
+        return 8 * (int(np.prod(self._bins)) + len(Fate))
 
     def _lookup(self) -> list[np.ndarray]:
         """Forward: where a detector pixel's window is. An adjoint receiver knows."""
@@ -205,9 +192,12 @@ class Tracer:
         return [slots, self.windows.origins]
 
     def run(self, rays: np.ndarray, progress=None, launch_rays: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Trace rays [replicates] rays per stream: counts [replicates, n, window rows, window columns], rays [Fate]."""
-        windows, work = self.windows, self._workspace
-        counts = np.empty((len(rays), len(windows.pixels), windows.rows, windows.columns), np.uint64)
+        """Trace rays [replicates] rays per stream: counts [replicates, n, window rows, window columns], rays [Fate].
+
+        With smoothing, counts are second differences (see kernels/trace_lines.cl).
+        """
+        work = self._workspace
+        counts = np.empty((len(rays), len(self.windows.pixels), *self._bins), np.uint64)
         done, total = 0, int(rays.sum()) * self.streams
         self.kernel_seconds = 0.0
         work.clear(self._ledger)

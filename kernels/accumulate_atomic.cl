@@ -7,5 +7,5 @@ INLINE void hits_add(Hits *hits, int pixel) { hits_store(hits, pixel, 1); }
 INLINE void hits_end(Hits *hits) {}
 
 INLINE void light_begin(Light *light) {}
-INLINE void light_add(Light *light, int bin, uint amount) { light_store(light, bin, amount); }
+INLINE void light_add(Light *light, int bin, long amount) { light_store(light, bin, (ulong)amount); }
 INLINE void light_end(Light *light) {}

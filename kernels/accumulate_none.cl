@@ -7,5 +7,5 @@ INLINE void hits_add(Hits *hits, int pixel) { hits->tile[0] += pixel; }
 INLINE void hits_end(Hits *hits) {}
 
 INLINE void light_begin(Light *light) { light->tile[0] = 0; }
-INLINE void light_add(Light *light, int bin, uint amount) { light->tile[0] += bin + amount; }
+INLINE void light_add(Light *light, int bin, long amount) { light->tile[0] += bin + amount; }
 INLINE void light_end(Light *light) {}

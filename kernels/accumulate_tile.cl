@@ -21,7 +21,7 @@ INLINE void light_begin(Light *light) {
     for (int i = 0; i < light->bins; ++i) light->tile[i] = 0;
 }
 
-INLINE void light_add(Light *light, int bin, uint amount) { light->tile[bin] += amount; }
+INLINE void light_add(Light *light, int bin, long amount) { light->tile[bin] += (ulong)amount; }
 
 INLINE void light_end(Light *light) {
     for (int bin = 0; bin < light->bins; ++bin)

@@ -7,14 +7,19 @@
 // The named dimensions of a ray's words.
 enum { ADJOINT_PIXEL_X, ADJOINT_PIXEL_Y, ADJOINT_APERTURE_RADIUS, ADJOINT_APERTURE_ANGLE };
 
+// The ray's point on the camera's aperture, in the camera's frame.
+INLINE void adjoint_aperture(__constant Scene *scene, const Words *words, int v, realv *a, realv *b) {
+    unit_disk(ray_words(words, ADJOINT_APERTURE_RADIUS, v), ray_words(words, ADJOINT_APERTURE_ANGLE, v), a, b);
+    *a *= scene->aperture_radius;
+    *b *= scene->aperture_radius;
+}
+
 // The paraxial lens turns the upright image point X seen from aperture point a into the object-side slope
 // a / focus - X / image_distance (light running from the mirror to the camera).
 // weight gets cos^4 of the object-side angle: the ray's flux relative to one along the axis.
 INLINE Line adjoint_emit(__constant Scene *scene, const Receiver *receiver, const Words *words, int v, realv *weight) {
     realv a, b;
-    unit_disk(ray_words(words, ADJOINT_APERTURE_RADIUS, v), ray_words(words, ADJOINT_APERTURE_ANGLE, v), &a, &b);
-    a *= scene->aperture_radius;
-    b *= scene->aperture_radius;
+    adjoint_aperture(scene, words, v, &a, &b);
     const realv image_x = receiver->x + scene->detector_pitch * uniform_centred(ray_words(words, ADJOINT_PIXEL_X, v));
     const realv image_y = receiver->y + scene->detector_pitch * uniform_centred(ray_words(words, ADJOINT_PIXEL_Y, v));
     const realv slope_a = a * scene->inverse_focus - image_x * scene->inverse_image_distance;

@@ -13,7 +13,7 @@ from irtscots_cl.patterns import LineScan
 from irtscots_cl.presets import load_scene
 from irtscots_cl.scene import Detector, Scene
 
-SUBPIXELS = 4  # per axis
+SUBPIXELS = 8  # per axis
 APERTURE_POINTS = 6  # on the circle that halves the aperture's area: exact for the mean of a quadratic
 
 

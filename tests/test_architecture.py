@@ -12,11 +12,12 @@ PACKAGE = ROOT / "irtscots_cl"
 
 # Every module of the package, in order: each may import only modules before it.
 MATHEMATICS = ("geometry", "zernikes", "zonal", "integration")
-DESCRIPTION = ("checked", "scene", "presets", "surface", "scatter", "calibration")
+DESCRIPTION = ("checked", "scene", "presets", "surface", "scatter", "calibration", "pixelmap", "cells", "pixellight")
 DEVICE = ("interface", "device", "program", "execution")
-TRACING = ("windows", "samplers", "packing", "transport", "tracer", "analytic", "probes", "precision")
+TRACING = ("windows", "samplers", "options", "packing", "transport", "analytic", "tracer", "probes", "precision")
 IMAGING = ("images", "patterns", "detector")
-MEASURING = ("lightcurves", "centroids", "phase", "slopes", "reconstruction", "refinement", "prediction")
+MEASURING = ("lightcurves", "centroids", "profiles", "phase", "slopes", "reconstruction", "refinement", "measures",
+             "prediction")  # fmt: skip
 ASSEMBLY = ("comparison", "files", "report", "plots", "studies", "pipeline", "stability", "bench", "cli", "__main__")
 ORDER = MATHEMATICS + DESCRIPTION + DEVICE + TRACING + IMAGING + MEASURING + ASSEMBLY
 

@@ -18,9 +18,10 @@ from irtscots_cl.bench.throughput import ESTIMATORS
 from irtscots_cl.calibration import calibrate
 from irtscots_cl.files import plain
 from irtscots_cl.interface import Fate
+from irtscots_cl.options import TraceOptions
 from irtscots_cl.presets import load_scene, preset_names
 from irtscots_cl.samplers import SAMPLERS
-from irtscots_cl.tracer import TraceOptions, Tracer
+from irtscots_cl.tracer import Tracer
 
 ROOT = Path(__file__).parents[1]
 

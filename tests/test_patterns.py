@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from irtscots_cl.interface import WEIGHT_ONE
+from irtscots_cl.options import TraceOptions
 from irtscots_cl.patterns import LineScan
 from irtscots_cl.presets import load_scene
 from irtscots_cl.scene import Detector, Screen
-from irtscots_cl.tracer import TraceOptions
 from irtscots_cl.transport import Transport
 from irtscots_cl.windows import Windows
 

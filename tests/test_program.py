@@ -12,12 +12,12 @@ from lopsided import lopsided
 from irtscots_cl.calibration import Calibration
 from irtscots_cl.device import DeviceError
 from irtscots_cl.interface import LAUNCH
+from irtscots_cl.options import ESTIMATORS
 from irtscots_cl.packing import pack
 from irtscots_cl.presets import load_scene
 from irtscots_cl.program import build, check_precision, compose, kernels_folder
 from irtscots_cl.samplers import SAMPLERS
 from irtscots_cl.scene import Mirror, ZernikeTerms
-from irtscots_cl.tracer import ESTIMATORS
 
 FAMILIES = {
     "surface": ["sphere", "conic", "off_axis"],
@@ -76,7 +76,7 @@ def test_every_combination_of_files_composes_and_builds(device, choices):
     packed = pack(Calibration(scene_for(choices)), "fp32")
     chosen = ("surface", "mirror", "arrival", "aperture", *(["zernike"] if choices["mirror"] == "deviated" else []))
     assert packed.choices == {family: choices[family] for family in chosen}
-    for estimator in ESTIMATORS:
+    for estimator in (*ESTIMATORS, "lines"):
         width = device.vector_width("fp32")
         source = compose(f"trace_{estimator}.cl", choices, packed.structs, "fp32", width, packed.constants)
         for family, member in choices.items():
@@ -90,7 +90,7 @@ def test_no_kernel_file_is_dead():
     used = {
         file
         for choices in all_choices()
-        for estimator in ESTIMATORS
+        for estimator in (*ESTIMATORS, "lines")
         for precision, width in itertools.product(("fp32", "fp64"), (1, 8))
         for file in compose(f"trace_{estimator}.cl", choices, STRUCTS, precision, width).files
     }

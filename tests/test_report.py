@@ -13,11 +13,11 @@ from synthetic import noise_free_stack, small_scene, with_replicates
 from irtscots_cl.comparison import compare
 from irtscots_cl.files import plain
 from irtscots_cl.images import ImageStack
+from irtscots_cl.options import TraceOptions
 from irtscots_cl.plots import write_figures
 from irtscots_cl.prediction import predict_error
 from irtscots_cl.reconstruction import reconstruct
 from irtscots_cl.report import build_report, measured_table, summary_tables, versions, write_html
-from irtscots_cl.tracer import TraceOptions
 from irtscots_cl.transport import Transport
 
 CONTRACT = {
@@ -37,6 +37,9 @@ CONTRACT = {
     "zernike",
 }
 MORE = {
+    "smoothing",
+    "measure",
+    "refinement_updates_nm",
     "precision",
     "overfill",
     "replicates",
@@ -85,7 +88,7 @@ def made(replicates: int = 3):
         LEDGER,
         {},
     )
-    report = build_report(transport, result, comparison, predict_error(result, stack), SECONDS)
+    report = build_report(transport, "paper", result, comparison, predict_error(result, stack), SECONDS)
     return stack, result, comparison, report
 
 
@@ -122,6 +125,7 @@ def test_the_report_s_numbers_are_the_run_s(run, report):
     assert report["light_curves_refused"] == {
         "empty": 1,
         "stray": 0,
+        "saturated": 0,
         "clipped": 0,  # pixels beside the mirror are not refused
     }
     assert report["slope_error_urad_rms"]["x"] == comparison.slope_error_urad["x"].value

@@ -15,9 +15,10 @@ from scipy.stats import qmc
 from significance import sidak_p
 
 from irtscots_cl.interface import WEIGHT_ONE
+from irtscots_cl.options import ESTIMATORS
 from irtscots_cl.presets import load_scene
 from irtscots_cl.samplers import SAMPLERS, owen_scramble, sample_words, sobol_directions, sobol_points
-from irtscots_cl.tracer import ESTIMATORS, trace
+from irtscots_cl.tracer import trace
 
 tracer_module = import_module("irtscots_cl.tracer")
 LOW_DISCREPANCY = ("sobol", "lattice")

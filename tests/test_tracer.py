@@ -18,11 +18,12 @@ from significance import sidak_p
 from irtscots_cl.calibration import Calibration
 from irtscots_cl.device import DeviceError
 from irtscots_cl.interface import WEIGHT_ONE
+from irtscots_cl.options import ESTIMATORS, TraceOptions
 from irtscots_cl.packing import emitters, receivers
 from irtscots_cl.presets import load_scene
 from irtscots_cl.samplers import SAMPLERS
 from irtscots_cl.scene import SceneError
-from irtscots_cl.tracer import ESTIMATORS, TraceOptions, Tracer, plan_launches, trace
+from irtscots_cl.tracer import Tracer, plan_launches, trace
 from irtscots_cl.windows import place_windows
 
 module = import_module("irtscots_cl.tracer")

@@ -15,13 +15,13 @@ import numpy as np
 from irtscots_cl.calibration import calibrate
 from irtscots_cl.device import Device
 from irtscots_cl.execution import Workspace
+from irtscots_cl.options import ESTIMATORS, TraceOptions
 from irtscots_cl.presets import load_scene
 from irtscots_cl.program import compose
 from irtscots_cl.samplers import SAMPLERS
 from irtscots_cl.scene import Scene, ZernikeTerms
-from irtscots_cl.tracer import TraceOptions, Tracer
+from irtscots_cl.tracer import Tracer
 
-ESTIMATORS = ("forward", "adjoint")  # that trace rays
 ROUNDS = {True: 3, False: 9}  # timed rounds, quick or not
 SECONDS = {True: 0.06, False: 0.5}  # of one timed trace
 WARM_UP_RAYS = 2**22  # before a case's speed is known

@@ -49,8 +49,8 @@ def add_trace_choices(parser: argparse.ArgumentParser) -> None:
         "--estimator",
         default="adjoint",
         metavar="E",
-        help="forward (rays leave the screen, as in the paper) or adjoint (rays leave the detector: less noise); "
-        "default adjoint",
+        help="forward (rays leave the screen, as in the paper), adjoint (rays leave the detector: less noise) or "
+        "analytic (light curves in closed form: no rays, no noise); default adjoint",
     )
     parser.add_argument(
         "--sampler",
@@ -63,9 +63,20 @@ def add_trace_choices(parser: argparse.ArgumentParser) -> None:
         "--precision", default="fp32", metavar="P", help="fp32 or fp64 arithmetic on the device; default fp32"
     )
     parser.add_argument(
-        "--device",
-        metavar="D",
-        help=DEVICE_HELP,
+        "--smoothing",
+        action="store_true",
+        help="adjoint: a ray brings the light of its whole chord through the aperture, for less noise",
+    )
+    parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
+
+
+def add_measure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--measure",
+        default="paper",
+        metavar="M",
+        help="how images become heights: paper (plain centroids, trapezoids), fine (light-curve model, cubics, no "
+        "averaging over pixels) or refined (fine, then refined by a model of the test); default paper",
     )
 
 

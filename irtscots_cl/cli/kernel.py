@@ -14,12 +14,16 @@ def add(commands) -> None:
 
 
 def _execute(options: argparse.Namespace) -> int:
+    from irtscots_cl.options import ANALYTIC, ESTIMATORS, TraceOptions
+
+    chosen = TraceOptions(options.estimator, options.sampler, options.precision, smoothing=options.smoothing)
+    if options.estimator == ANALYTIC:
+        raise ValueError(f"--estimator = {ANALYTIC!r}: has no kernel; must be one of {', '.join(ESTIMATORS)}")
     scene = visible_scene(options.scene)
     from irtscots_cl.calibration import calibrate
     from irtscots_cl.device import select_device
-    from irtscots_cl.tracer import TraceOptions, Tracer
+    from irtscots_cl.tracer import Tracer
 
-    chosen = TraceOptions(options.estimator, options.sampler, options.precision)
     source = Tracer(calibrate(scene), select_device(options.device), chosen).source
     if options.json:
         print_json({"options": source.options, "files": source.files, "source": source.text})

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
-from irtscots_cl.cli.common import command, print_json, print_tables
+from irtscots_cl.cli.common import add_measure, command, print_json, print_tables
 from irtscots_cl.presets import load_scene
 
 
@@ -39,6 +40,15 @@ def add(commands) -> None:
         help="least part of a light curve's peak "
         "that counts for its centroid, 0 to below 1; default 0, for images without background",
     )
+    parser.add_argument(
+        "--saturation",
+        type=float,
+        default=math.inf,
+        metavar="V",
+        help="value from which on a sample of the images is saturated; pixels with such samples are not used; "
+        "default: none is",
+    )
+    add_measure(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:
@@ -46,13 +56,16 @@ def _execute(options: argparse.Namespace) -> int:
         raise ValueError(f"--threshold = {options.threshold}: must be at least 0 and below 1")
     scene = load_scene(options.scene)
     from irtscots_cl.files import check_output_folder, read_images
+    from irtscots_cl.measures import check_measure
     from irtscots_cl.pipeline import measure
 
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder)
+    check_measure(options.measure)
     if (folder / "result.h5").resolve() == options.images.resolve():
         raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
-    facts = measure(read_images(options.images), scene.nominal(), folder, options.threshold)
+    images = read_images(options.images).saturating_at(options.saturation)
+    facts = measure(images, scene.nominal(), folder, options.threshold, options.measure)
     if options.json:
         print_json(facts)
     else:

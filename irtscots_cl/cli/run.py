@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from irtscots_cl.cli.common import (
+    add_measure,
     add_scene,
     add_trace_choices,
     command,
@@ -27,6 +28,7 @@ def add(commands) -> None:
     add_scene(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME")
     add_trace_choices(parser)
+    add_measure(parser)
     parser.add_argument(
         "--rays-per-pixel",
         type=int,
@@ -53,9 +55,14 @@ def add(commands) -> None:
 
 def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.files import check_output_folder
-    from irtscots_cl.tracer import TraceOptions, share_rays
+    from irtscots_cl.measures import check_measure
+    from irtscots_cl.options import ANALYTIC, TraceOptions
+    from irtscots_cl.tracer import share_rays
 
-    TraceOptions(options.estimator, options.sampler, options.precision, options.seed, options.overfill)
+    TraceOptions(
+        options.estimator, options.sampler, options.precision, options.seed, options.overfill, options.smoothing
+    )
+    check_measure(options.measure)
     share_rays(options.rays_per_pixel, options.replicates)
     scene = visible_scene(options.scene)
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
@@ -63,7 +70,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.device import select_device
     from irtscots_cl.pipeline import simulate, write_run
 
-    device = select_device(options.device)
+    device = select_device(options.device) if options.estimator != ANALYTIC else None
     with progress_bar() as progress:
         run = simulate(
             scene,
@@ -76,6 +83,8 @@ def _execute(options: argparse.Namespace) -> int:
             replicates=options.replicates,
             seed=options.seed,
             overfill=options.overfill,
+            smoothing=options.smoothing,
+            measure=options.measure,
         )
     write_run(run, folder)
     if options.json:

@@ -1,0 +1,48 @@
+"""Ready-made ways to measure: from the paper's to the most exact one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from irtscots_cl.images import ImageStack
+from irtscots_cl.reconstruction import Reconstruction, reconstruct
+from irtscots_cl.refinement import refine
+from irtscots_cl.scene import Scene
+
+
+@dataclass(frozen=True)
+class Measure:
+    """light_curve, method, pixel_average: of `reconstruct`. rounds: of refinement, at most."""
+
+    light_curve: str = "centroid"
+    method: str = "southwell"
+    pixel_average: bool = True
+    rounds: int = 0
+
+
+MEASURES = {
+    "paper": Measure(),  # plain centroids and Southwell's integration, as the paper has them
+    "fine": Measure("chord", "cubic", pixel_average=False),
+    "refined": Measure("chord", "cubic", pixel_average=False, rounds=4),
+}
+
+
+def check_measure(name: str) -> Measure:
+    """One of MEASURES by its name; ValueError for another."""
+    if name not in MEASURES:
+        raise ValueError(f"--measure = {name!r}: must be one of {', '.join(MEASURES)}")
+    return MEASURES[name]
+
+
+def measure_by(name: str, stack: ImageStack, nominal: Scene, threshold: float = 0.0) -> Reconstruction:
+    """The surface by one of MEASURES. Raises as `reconstruct` does, and ValueError for an unknown name."""
+    how = check_measure(name)
+    result = reconstruct(
+        stack,
+        nominal,
+        light_curve=how.light_curve,
+        method=how.method,
+        pixel_average=how.pixel_average,
+        threshold=threshold,
+    )
+    return refine(result, stack, rounds=how.rounds, threshold=threshold) if how.rounds else result

@@ -1,0 +1,44 @@
+"""How to trace a scene: the choices that a user has, checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from irtscots_cl.interface import PRECISIONS
+from irtscots_cl.samplers import SAMPLERS
+
+ESTIMATORS = ("forward", "adjoint")  # that trace rays on a device
+ANALYTIC = "analytic"  # the one that does not
+MAX_SMOOTHED_RAYS = 2**32  # per pixel and replicate: a sum of so many 32-bit amounts stays below 2^63
+
+
+@dataclass(frozen=True)
+class TraceOptions:
+    """How to trace. Refuses what is out of range with a ValueError that names the command line's option.
+
+    estimator: "forward", "adjoint" or "analytic". sampler: a name of samplers.SAMPLERS. precision: "fp32" or "fp64".
+    seed: 64 bits. overfill: forward only, solid angle of the emission over the least that covers the mirror. smoothing:
+    adjoint only, every ray stands for its whole chord through the camera's aperture (kernels/trace_lines.cl).
+    """
+
+    estimator: str = "adjoint"
+    sampler: str = "philox"
+    precision: str = "fp32"
+    seed: int = 1
+    overfill: float = 1.0
+    smoothing: bool = False
+
+    def __post_init__(self) -> None:
+        for option, value, allowed in (
+            ("estimator", self.estimator, (*ESTIMATORS, ANALYTIC)),
+            ("sampler", self.sampler, SAMPLERS),
+            ("precision", self.precision, tuple(PRECISIONS)),
+        ):
+            if value not in allowed:
+                raise ValueError(f"--{option} = {value!r}: must be one of {', '.join(allowed)}")
+        if not 0 <= self.seed < 2**64:
+            raise ValueError(f"--seed = {self.seed}: must be 0 to 2^64 - 1")
+        if not 1.0 <= self.overfill <= 1e4:
+            raise ValueError(f"--overfill = {self.overfill}: must be 1 to 10000")
+        if self.smoothing and self.estimator != "adjoint":
+            raise ValueError(f"--smoothing: must go with --estimator adjoint, not {self.estimator}")

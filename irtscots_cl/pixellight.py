@@ -1,0 +1,234 @@
+"""The light of a detector pixel in closed form: how much of it lands below a line, and where its centre is.
+
+Under a pixel's quadratic map (pixelmap.py) the aperture point (a, b) lands at u0 + p a + q b + Q(a, b). The light at
+u < t is then that of the aperture disk cut by a straight line, whose area is paper Eq. (2); the quadratic Q bends the
+line and the weight cos^4 varies along the disk, both to first order in closed form too. What remains, the pixel's own
+area, is summed over cells (cells.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from irtscots_cl.calibration import Calibration, calibrate
+from irtscots_cl.cells import Cells, cut_cells, join, whole_cells, without
+from irtscots_cl.pixelmap import PixelMap
+from irtscots_cl.scene import Scene
+
+MAX_RESIDUAL = 2e-3  # of the aperture image's radius: what a map's quadratic may leave
+MAX_BEND = 0.02  # of the same: beyond it the first order in Q is wrong by more than 4e-4
+MAX_PUSH = 0.02  # of a pixel: how far the rim may move aside over the aperture, to first order
+CELL_SIZE = 0.2  # of the aperture image's radius: half of what a box's own image may cover
+POINT_STEP = 0.015  # of the same, between Gauss points on the rim
+CHUNK = 2**15  # cells worked on at a time, for the memory
+MIN_HALF_BOX = 1e-3  # of the same: narrower ones would lose digits in a difference
+
+
+def chord_cdf(t: np.ndarray) -> np.ndarray:
+    """Share of a unit disk's area at x < t: paper Eq. 2, (t sqrt(1 - t^2) + asin t) / pi + 1/2, t cut to [-1, 1]."""
+    t = np.clip(t, -1.0, 1.0)
+    return 0.5 + (t * np.sqrt(1.0 - t * t) + np.arcsin(t)) / np.pi
+
+
+def chord_integrals(tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Second antiderivatives in tau, up to a constant, of what the chord at tau of the unit disk gives:
+
+    the share of the disk's area below it (paper Eq. 2), and the integrals over the chord of tau^2 and of the square of
+    the position along it, times 3/2 (that is (1 - tau^2)^(3/2)). Continued past the disk, where the share is 0 or 1.
+    """
+    inside = np.clip(tau, -1.0, 1.0)
+    beyond = np.abs(tau) - np.abs(inside)
+    half2 = 1.0 - inside * inside
+    half = np.sqrt(half2)
+    arc, cubed = np.arcsin(inside), half * half2
+    both, fifth = inside * arc + half, 0.4 * cubed * half2
+    along = inside * half
+    share = (inside * inside / 2 - 0.25) * arc + along / 4 + (along + arc) / 2
+    share = inside * inside / 4 + (share - (along * (2 * half2 + 3) + 3 * arc) / 24) / np.pi
+    share += np.where(tau > 0, beyond * (1 + beyond / 2), 0.0)
+    square = (both + fifth - cubed / 3) / 4 + np.pi / 8 * beyond
+    return share, square, (3 * both - cubed - fifth) / 8 + 3 * np.pi / 16 * beyond
+
+
+@dataclass(frozen=True)
+class Chord:
+    """What n pixels' light does along one axis of the screen as it moves over the aperture, at the pixels' centres.
+
+    normal: [2, n] unit direction on the aperture along which the landing point moves fastest. Along it, per radius of
+    the aperture: slope, bend: [n] linear and quadratic term of the landing point [mm]; growth: [n] of cos^4, relative;
+    mirror: [2, n] of the mirror point [mm].
+    """
+
+    normal: np.ndarray
+    slope: np.ndarray
+    bend: np.ndarray
+    growth: np.ndarray
+    mirror: np.ndarray
+
+
+@dataclass(frozen=True)
+class PixelLight:
+    """The light of a scene's pixels in closed form. pixels: [n] flat numbers of those looked at."""
+
+    calibration: Calibration
+    pixels: np.ndarray
+    maps: PixelMap
+    _cells: dict[str, Cells] = field(default_factory=dict, repr=False)  # what was asked for is kept
+    _means: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, calibration: Calibration, pixels: np.ndarray | None = None) -> PixelLight:
+        """The light of some pixels (flat numbers), or of all that can see the mirror."""
+        pixels = np.flatnonzero(calibration.sees_mirror) if pixels is None else pixels
+        row, column = np.divmod(pixels, calibration.shape[1])
+        return cls(calibration, pixels, PixelMap.of(calibration, row, column))
+
+    def spread(self, output: str, monomials: tuple[str, str]) -> np.ndarray:
+        return np.hypot(*(self.maps.term(output, m) for m in monomials))
+
+    def cells(self, output: str) -> Cells:
+        """Cells fine enough for the light along "u" or "v", made once."""
+        if output not in self._cells:
+            self._cells[output] = self._cut(output)
+        return self._cells[output]
+
+    def _cut(self, output: str) -> Cells:
+        maps, surface = self.maps, self.calibration.surface
+        box = [np.abs(maps.term(output, name)) / self.spread(output, ("a", "b")) for name in "st"]
+        box = [float(np.percentile(b[np.isfinite(b)], 99)) for b in box]
+        count = [int(np.clip(np.ceil(b / CELL_SIZE), 1, 16)) for b in box]
+        points = [int(np.clip(np.ceil(b / POINT_STEP), 8, 64)) for b in box]
+
+        def within(radius_mm: float) -> Cells:
+            farthest, nearest = maps.corner_radius.max(1), maps.corner_radius.min(1)
+            diagonal = 2 * np.hypot(maps.term("x", "s"), maps.term("y", "t"))
+            whole = np.flatnonzero(farthest <= radius_mm)
+            cut = np.flatnonzero((farthest > radius_mm) & (nearest <= radius_mm + diagonal))
+            parts = [whole_cells(whole, *count)] if whole.size else []
+            return join(parts + ([cut_cells(maps, cut, radius_mm, count, points)] if cut.size else []))
+
+        cells = within(surface.aperture_radius_mm)
+        return without(cells, within(surface.obscuration_radius_mm)) if surface.obscuration_radius_mm > 0 else cells
+
+    def weight(self, s: np.ndarray, t: np.ndarray, pixel: np.ndarray) -> tuple[np.ndarray, ...]:
+        """cos^4 at cells' centres, and its relative growth per unit of s, t, a, b."""
+        camera = self.calibration.scene.camera
+        distance, pitch = camera.image_distance_mm, camera.detector.pitch_mm
+        x, y = self.calibration.image_point(self.maps.row[pixel] + t / 2, self.maps.column[pixel] + s / 2)
+        slope_x, slope_y = -x / distance, -y / distance
+        cosine2 = 1 / (1 + slope_x**2 + slope_y**2)
+        by_x, by_y = -4 * slope_x * cosine2, -4 * slope_y * cosine2
+        step, reach = pitch / 2 / distance, camera.aperture_diameter_mm / 2 / camera.focus_mm
+        return cosine2**2, -by_x * step, -by_y * step, by_x * reach, by_y * reach
+
+    def valid(self) -> np.ndarray:
+        """Whether each pixel's light is given by the closed form; NaN in a map says no."""
+        maps = self.maps
+        footprint = np.hypot(maps.term("x", "s"), maps.term("y", "t"))
+        push = np.hypot(self.spread("x", ("a", "b")), self.spread("y", ("a", "b")))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            good = push <= MAX_PUSH * footprint
+            for k, output in enumerate("uv"):
+                radius = self.spread(output, ("a", "b"))
+                bend = np.abs([maps.term(output, m) for m in ("aa", "ab", "bb")]).max(0)
+                good &= (maps.residual[k] <= MAX_RESIDUAL * radius) & (bend <= MAX_BEND * radius)
+        return good
+
+    def extent(self, output: str) -> tuple[np.ndarray, np.ndarray]:
+        """Centre [n] of the pixels' light on the screen and how far it reaches from there, along "u" or "v", in mm."""
+        pixel = sum(np.abs(self.maps.term(output, name)) for name in ("s", "t", "ss", "st", "tt"))
+        return self.maps.term(output), pixel + 1.01 * self.spread(output, ("a", "b"))
+
+    def means(self, outputs: str) -> np.ndarray:
+        """Means [outputs, n] in mm over each pixel's light, of "u", "v", "x", "y"; NaN without any.
+
+        Of u and v they are the true centroids; x, y are the mirror point that they belong to.
+        """
+        for output in outputs:
+            if output not in self._means:
+                self._means[output] = self._mean(output)
+        return np.stack([self._means[output] for output in outputs])
+
+    def _mean(self, output: str) -> np.ndarray:
+        cells = self.cells({"x": "u", "y": "v"}.get(output, output))
+        s, t, maps = cells.s, cells.t, self.maps.part(cells.pixel)
+        weight, by_s, by_t, by_a, by_b = self.weight(s, t, cells.pixel)
+        p, q = maps.gradient(output, "a", s, t), maps.gradient(output, "b", s, t)
+        centre, *_ = self._box(output, maps, cells, by_s, by_t)
+        centre = centre + (maps.term(output, "aa") + maps.term(output, "bb") + by_a * p + by_b * q) / 4
+        pushed = (cells.push[0] * p + cells.push[1] * q) / 4
+        total = cells.sum(weight * cells.weight, len(self.pixels))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return cells.sum(weight * (cells.weight * centre + pushed), len(self.pixels)) / total
+
+    def chord(self, output: str) -> Chord:
+        """The pixels' chords along "u" or "v"; all zero for a pixel without a map."""
+        term, zero = self.maps.term, np.zeros(len(self.pixels))
+        _, _, _, by_a, by_b = self.weight(zero, zero, np.arange(len(zero)))
+        p, q = term(output, "a"), term(output, "b")
+        slope = np.hypot(p, q)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            a, b = np.nan_to_num(p / slope), np.nan_to_num(q / slope)
+        bend = term(output, "aa") * a * a + term(output, "ab") * a * b + term(output, "bb") * b * b
+        mirror = np.stack([term(axis, "a") * a + term(axis, "b") * b for axis in "xy"])
+        values = [slope, bend, by_a * a + by_b * b, mirror]
+        return Chord(np.stack([a, b]), *(np.where(np.isfinite(slope), v, 0.0) for v in values))
+
+    def coverage(self) -> np.ndarray:
+        """Share [n] of each pixel's footprint that lies on the mirror."""
+        cells = self.cells("u")
+        return cells.sum(cells.weight, len(self.pixels))
+
+    def light(self, output: str, edges_mm: np.ndarray) -> np.ndarray:
+        """Shares [n, lines] of the pixels' areas times cos^4 between neighbouring edges_mm [n, lines + 1] of u or v."""
+        cells = self.cells(output)
+        below = np.zeros(edges_mm.shape)
+        for first in range(0, len(cells.pixel), CHUNK):
+            part = Cells(*(getattr(cells, name)[..., first : first + CHUNK] for name in Cells.__dataclass_fields__))
+            np.add.at(below, part.pixel, self._below(output, part, edges_mm[part.pixel]))
+        return np.diff(below, axis=1)
+
+    def _below(self, output: str, cells: Cells, edges_mm: np.ndarray) -> np.ndarray:
+        """Shares [m, edges] of the cells' light that land below the edges [m, edges]."""
+        s, t = cells.s, cells.t
+        maps = self.maps.part(cells.pixel)
+        weight, by_s, by_t, by_a, by_b = self.weight(s, t, cells.pixel)
+        p, q = maps.gradient(output, "a", s, t), maps.gradient(output, "b", s, t)
+        radius = np.hypot(p, q)
+        n_a, n_b = p / radius, q / radius
+        aa, ab, bb = (maps.term(output, name) for name in ("aa", "ab", "bb"))
+        bend_n = (aa * n_a**2 + ab * n_a * n_b + bb * n_b**2) / radius  # Q along the chord's normal, and along it
+        bend_t = (aa * n_b**2 - ab * n_a * n_b + bb * n_a**2) / radius
+        centre, half_s, half_t = self._box(output, maps, cells, by_s, by_t)
+        half_s, half_t = (np.maximum(half / radius, MIN_HALF_BOX)[:, None] for half in (half_s, half_t))
+        mass = weight * cells.weight
+        growth = mass * (by_a * n_a + by_b * n_b) + weight * (cells.push[0] * n_a + cells.push[1] * n_b)
+        factors = (mass, -mass * bend_n / np.pi, -(2 / 3) * (mass * bend_t + growth) / np.pi)
+        tau = (edges_mm - centre[:, None]) / radius[:, None]
+        below = 0.0
+        for sign, shift in ((1, half_s + half_t), (-1, half_s - half_t), (-1, half_t - half_s), (1, -half_s - half_t)):
+            parts = chord_integrals(tau + shift)
+            below = below + sign * sum(f[:, None] * part for f, part in zip(factors, parts, strict=True))
+        return below / (4 * half_s * half_t)
+
+    def _box(self, output: str, maps: PixelMap, cells: Cells, by_s, by_t) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Centre [m] of the cells' own images along u or v, and half-widths along it of their two edges, in mm.
+
+        The centre is that of the light: shifted by the image's curvature over the cell and by the weight's growth.
+        """
+        s, t = cells.s, cells.t
+        centre, halves = maps.centre(output, s, t), []
+        for half, along, growth in ((cells.half_s, "s", by_s), (cells.half_t, "t", by_t)):
+            slope = maps.gradient(output, along, s, t)
+            centre = centre + (maps.term(output, 2 * along) + growth * slope) * half**2 / 3
+            halves.append(np.abs(slope) * half)
+        return centre, *halves
+
+
+@lru_cache(maxsize=4)
+def pixel_light(scene: Scene) -> PixelLight:
+    """The light of all of a scene's pixels, shared by all who ask for the same one."""
+    return PixelLight.of(calibrate(scene))

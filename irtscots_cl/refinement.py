@@ -1,0 +1,104 @@
+"""Refinement of a measured surface by a model: simulate the surface found, compare light curves, correct, repeat.
+
+The surface found is fitted by Zernike polynomials, which makes it a scene; its light curves follow in closed form. What
+the measured centroids differ from the modelled ones by are slopes that the model lacks. Only these small differences go
+through triangulation and integration, so that whatever these leave out (averaging over a pixel, partly lit pixels at
+the edge, the second order of the geometry, the sampling by lines) acts on the difference alone: Gauss-Newton on the
+slopes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.linalg import lstsq
+
+from irtscots_cl.calibration import Calibration
+from irtscots_cl.centroids import centroids
+from irtscots_cl.images import ImageStack
+from irtscots_cl.integration import integrate_slopes
+from irtscots_cl.pixellight import PixelLight
+from irtscots_cl.profiles import sampled_centroids
+from irtscots_cl.reconstruction import Reconstruction, triangulated
+from irtscots_cl.scene import Scene, ZernikeTerms
+from irtscots_cl.zernikes import zernike
+from irtscots_cl.zonal import remove_terms, rms
+
+MODEL_ORDER = 20  # radial order of the model: what is finer is left to the differences
+PIXELS_PER_TERM = 8  # at least, lest the model follow the noise
+
+
+def refine(
+    result: Reconstruction, stack: ImageStack, *, rounds: int = 4, tolerance_nm: float = 1e-3, threshold: float = 0.0
+) -> Reconstruction:
+    """Refine a reconstruction of the stack until a round changes less than tolerance_nm rms, at most `rounds` times.
+
+    The result's updates_nm tell each round's change, piston and tilt removed. Pixels that the model has no light for
+    keep their slopes. threshold: as in the reconstruction.
+    """
+    for _ in range(rounds):
+        refined = _round(result, stack, threshold)
+        change = remove_terms(
+            result.x_mm, result.y_mm, refined.deviation_mm - result.deviation_mm, result.mask, "piston_tilt"
+        )
+        update = rms(change, result.mask) * 1e6
+        result = dataclasses.replace(refined, updates_nm=(*result.updates_nm, update))
+        if update < tolerance_nm:
+            break
+    return result
+
+
+def modelled(result: Reconstruction) -> Scene:
+    """The design with the measured deviation as Zernike terms, fitted by least squares over the mask."""
+    mirror, mask = result.nominal.mirror, result.mask
+    order = MODEL_ORDER
+    while (order + 1) * (order + 2) // 2 * PIXELS_PER_TERM > result.pixels_used and order > 1:
+        order -= 1
+    indices = range(1, (order + 1) * (order + 2) // 2 + 1)
+    radius = mirror.diameter_mm / 2
+    x, y = result.x_mm[mask] / radius, result.y_mm[mask] / radius
+    basis = np.stack([zernike(noll, x, y) for noll in indices], axis=1)
+    fit_um = lstsq(basis, result.deviation_mm[mask] * 1e3, lapack_driver="gelsy")[0]  # the fastest of them
+    terms = ZernikeTerms(radius, "noll", dict(zip(indices, fit_um.tolist(), strict=True)))
+    return dataclasses.replace(result.nominal, mirror=dataclasses.replace(mirror, zernike=(terms,)))
+
+
+def _round(result: Reconstruction, stack: ImageStack, threshold: float) -> Reconstruction:
+    """One round: the model's light curves, and the surface that explains the measured ones."""
+    scene, mask = modelled(result), result.mask
+    calibration = Calibration(scene)
+    pixels = np.flatnonzero(mask)
+    light = PixelLight.of(calibration, pixels)
+    means = light.means("uv")
+    model = [np.full(mask.shape, np.nan) for _ in "uv"]
+    residual = []
+    for on_grid, mean, scan in zip(model, means, (stack.x, stack.y), strict=True):
+        on_grid.ravel()[pixels] = mean
+        differ = np.full((1 + len(result.jackknife_slope_x), mask.size), np.nan)
+        curves = scan.jackknife_w()
+        differ[:, scan.pixels] = centroids(scan, curves, threshold) - sampled_centroids(scan, light, threshold)
+        residual.append(differ.reshape(-1, *mask.shape))
+    surface = calibration.surface
+    height = surface.sag(result.x_mm, result.y_mm)
+    model_slopes = triangulated(calibration, result.x_mm, result.y_mm, height, *model)
+    moved = triangulated(
+        calibration, result.x_mm, result.y_mm, height, *(m + r for m, r in zip(model, residual, strict=True))
+    )
+    extra = [np.where(mask & np.isfinite(m), m - s, 0.0) for m, s in zip(moved, model_slopes, strict=True)]
+    extra = [np.where(mask, e, np.nan) for e in extra]
+    differ = integrate_slopes(result.x_mm, result.y_mm, *extra, mask, result.method)
+    deviation = surface.deviation_at(result.x_mm, result.y_mm)[0] + differ
+    deviation = deviation - np.nanmean(deviation, axis=(1, 2), keepdims=True)
+    slopes = [own + e for own, e in zip(surface.gradient(result.x_mm, result.y_mm), extra, strict=True)]
+    design = Calibration(result.nominal).surface.sag(result.x_mm, result.y_mm)
+    return dataclasses.replace(
+        result,
+        slope_x=slopes[0][0],
+        slope_y=slopes[1][0],
+        height_mm=design + deviation[0],
+        deviation_mm=deviation[0],
+        jackknife_slope_x=slopes[0][1:],
+        jackknife_slope_y=slopes[1][1:],
+        jackknife_deviation_mm=deviation[1:],
+    )

@@ -1,0 +1,95 @@
+// Smoothed adjoint estimator: a ray stands for its whole chord through the camera's aperture, which lands on the screen
+// as a short straight piece, and is summed by lines in closed form: light curves with far less noise, and no map.
+//
+// Along x the chord follows the direction on the aperture in which the landing point moves most along the screen's x, and
+// along y likewise: two chords through the ray's aperture point, one for each scan. Conditional on its chord a ray's point
+// is uniform along it, so summing the chord instead of the point leaves every mean as it is.
+#include "path_adjoint.cl"
+#include "chord.cl"
+#include "accumulate_*.cl"
+
+// A block of rays between its passes (short ones: see trace_forward.cl).
+typedef struct {
+    Words words;
+    Line lines[BLOCK_VECTORS];
+    Meeting meetings[BLOCK_VECTORS];
+    realv weight[BLOCK_VECTORS];
+    intv fate[BLOCK_VECTORS];
+    Ramp ramps[2][BLOCK_VECTORS];         // along x, along y
+} Block;
+
+// Vector v of a block, from the mirror to the screen: its ramps and fates.
+INLINE void lines_arrive(Block *block, __constant Scene *scene, const Launch *launch, const LineReceiver *receiver,
+                         int v) {
+    const Meeting *met = &block->meetings[v];
+    realv a, b, at_u, at_v;
+    adjoint_aperture(scene, &block->words, v, &a, &b);
+    const maskv ahead = adjoint_arrive(scene, &block->lines[v], met, &at_u, &at_v);
+    const realv x = at_u * scene->inverse_screen_pitch + (scene->screen_left - receiver->start.column);
+    const realv y = at_v * scene->inverse_screen_pitch + (scene->screen_top - receiver->start.row);
+    const maskv row_on = ahead & (y >= -receiver->start.row) & (y < launch->screen_rows - receiver->start.row);
+    const maskv column_on = ahead & (x >= -receiver->start.column)
+                            & (x < launch->screen_columns - receiver->start.column);
+    const realv weight = block->weight[v] * receiver->start.weight_scale;
+    maskv beyond = chord_ramp(scene, &receiver->chords[0], met, a, b, x, row_on ? weight : (realv)(0), receiver->start.column,
+                              launch->window_columns, launch->screen_columns, &block->ramps[0][v]);
+    beyond |= chord_ramp(scene, &receiver->chords[1], met, a, b, y, column_on ? weight : (realv)(0), receiver->start.row,
+                         launch->window_rows, launch->screen_rows, &block->ramps[1][v]);
+    maskv fate = row_on & column_on ? (maskv)(FATE_DETECTED) : (maskv)(FATE_OFF_SCREEN);
+    fate = at_u != at_u ? (maskv)(FATE_FAILED) : fate;
+    fate = met->on_mirror ? fate : (maskv)(FATE_MISSED_MIRROR);
+    block->fate[v] = to_int(beyond ? (maskv)(FATE_OFF_WINDOW) : fate);
+}
+
+// First passes, branch-free.
+INLINE void block_trace(Block *block, __constant Scene *scene, const Launch *launch, const LineReceiver *receiver,
+                        Sampler *sampler, ulong first) {
+    sampler_block(sampler, first, &block->words);
+    for (int v = 0; v < BLOCK_VECTORS; ++v)
+        block->lines[v] = adjoint_emit(scene, &receiver->start, &block->words, v, &block->weight[v]);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) block->meetings[v] = mirror_meet(scene, &block->lines[v]);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) mirror_deviate(scene, &block->lines[v], &block->meetings[v]);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) lines_arrive(block, scene, launch, receiver, v);
+}
+
+// Adds ray j's two ramps to the bins of its light curve, which begin at bin first.
+INLINE void ramp_add(Light *light, const Ramp *ramps, int j, int first) {
+    const int v = j / WIDTH, lane = j % WIDTH;
+    for (int end = 0; end < 2; ++end) {
+        const int bin = first + ((const int *)&ramps[v].bin[end])[lane];
+        const int upper = ((const int *)&ramps[v].upper[end])[lane];
+        const int lower = ((const int *)&ramps[v].slope)[lane] - upper;
+        light_add(light, bin, end == 0 ? lower : -lower);
+        light_add(light, bin + 1, end == 0 ? upper : -upper);
+    }
+}
+
+// Parameters: receivers [slots]; transport: 64-bit sums [slots][window columns + 2 + window rows + 2], second differences
+// of the light below each line's edge, along x then along y; ledger: 64-bit sums.
+// Grid: (slots of this launch, parts of its rays). A work-item traces rays_per_item rays of one detector pixel.
+// Assumes: transport and ledger zeroed before the replicate's first launch; windows lie inside the screen.
+__kernel void trace_lines(__constant Scene *scene, const Launch launch, __global const LineReceiver *receivers,
+                          __global uint *transport, __global uint *ledger, __local ulong *tile) {
+    const uint slot = launch.first_stream + get_global_id(0);
+    const ulong begin = launch.first_ray + get_global_id(1) * launch.rays_per_item;
+    const ulong end = min(begin + launch.rays_per_item, launch.first_ray + launch.ray_count);
+    const LineReceiver receiver = receivers[slot];
+    const int of_x = launch.window_columns + 2, bins = of_x + launch.window_rows + 2;
+    Light light = {transport + 2 * (size_t)slot * bins, ledger, tile, bins, bins + FATE_COUNT};
+    Sampler sampler;
+    sampler_begin(&sampler, &launch, receiver.start.pixel);
+    Block block;
+
+    light_begin(&light);
+    for (ulong first = begin; first < end; first += BLOCK) {
+        const int count = (int)min(end - first, (ulong)(BLOCK));
+        block_trace(&block, scene, &launch, &receiver, &sampler, first);
+        for (int j = 0; j < count; ++j) {
+            const int fate = ((int *)block.fate)[j];
+            ramp_add(&light, block.ramps[0], j, 0);
+            ramp_add(&light, block.ramps[1], j, of_x);
+            if (fate != FATE_DETECTED) light_add(&light, bins + fate, 1);
+        }
+    }
+    light_end(&light);
+}
