@@ -13,7 +13,7 @@ import numpy as np
 from irtscots_cl.calibration import calibrate, check_visible
 from irtscots_cl.interface import Fate
 from irtscots_cl.options import ANALYTIC, TraceOptions
-from irtscots_cl.pixellight import PixelLight
+from irtscots_cl.pixellight import PixelLight, pixel_light
 from irtscots_cl.pixelmap import RAYS
 from irtscots_cl.scene import Scene
 from irtscots_cl.transport import LineLight, ledger_from
@@ -35,7 +35,7 @@ def trace_analytic(scene: Scene) -> LineLight:
     started = time.perf_counter()
     calibration = calibrate(scene)
     check_visible(calibration, f"scene {scene.name}")
-    windows, pixels = place_windows(calibration, MARGIN), PixelLight.of(calibration)
+    windows, pixels = place_windows(calibration, MARGIN), pixel_light(scene)
     fate = _fates(pixels, windows)
     area = np.pi / 4 * scene.camera.aperture_diameter_mm**2 * scene.camera.detector.pitch_mm**2
     gain = scene.screen.radiance * scene.mirror.reflectance * scene.camera.transmittance

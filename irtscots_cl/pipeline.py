@@ -10,6 +10,7 @@ from pathlib import Path
 
 from irtscots_cl.comparison import HEIGHT_TERMS, Comparison, compare
 from irtscots_cl.device import Device
+from irtscots_cl.errorparts import ErrorPart, error_parts
 from irtscots_cl.files import check_output_folder, write_json, write_result
 from irtscots_cl.images import ImageStack
 from irtscots_cl.measures import measure_by
@@ -25,12 +26,14 @@ from irtscots_cl.zonal import remove_terms, rms
 
 @dataclass(frozen=True)
 class Run:
-    """A finished simulation and its measurement. report: as report.json holds it."""
+    """A finished simulation and its measurement. parts: of the height error, where asked for. report: as report.json
+    holds it."""
 
     transport: Transport | LineLight
     stack: ImageStack
     result: Reconstruction
     comparison: Comparison
+    parts: tuple[ErrorPart, ...]
     report: dict
 
 
@@ -38,14 +41,16 @@ def simulate(
     scene: Scene,
     *,
     measure: str = "paper",
+    parts: bool = False,
     device: Device | None = None,
     progress: Callable[[int, int], None] | None = None,
     **trace_options,
 ) -> Run:
     """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
 
-    measure: a name of measures.MEASURES. trace_options: estimator, sampler, precision, rays_per_pixel, replicates,
-    seed, overfill, smoothing of `trace`. Raises as `trace` and `measure_by` do.
+    measure: a name of measures.MEASURES. parts: also separate the height error into its parts. trace_options:
+    estimator, sampler, precision, rays_per_pixel, replicates, seed, overfill, smoothing of `trace`. Raises as `trace`
+    and `measure_by` do.
     """
     started = time.perf_counter()
     transport = trace(scene, device=device, progress=progress, **trace_options)
@@ -55,8 +60,9 @@ def simulate(
     measured = time.perf_counter()
     comparison, predicted = compare(result, scene), predict_error(result, stack)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
-    report = build_report(transport, measure, result, comparison, predicted, seconds)
-    return Run(transport, stack, result, comparison, report)
+    separated = error_parts(result, scene, measure, transport.options, device) if parts else ()
+    report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
+    return Run(transport, stack, result, comparison, separated, report)
 
 
 def write_run(run: Run, folder: Path) -> None:
@@ -80,7 +86,7 @@ def write_run(run: Run, folder: Path) -> None:
         "ledger": json.dumps(report["ledger"]),
     }
     write_result(folder / "result.h5", run.stack, run.result, attributes | _version_attributes())
-    figures = write_figures(folder / "figures", run.stack, run.result, run.comparison)
+    figures = write_figures(folder / "figures", run.stack, run.result, run.comparison, run.parts)
     write_html(folder / "report.html", report, figures, toml)
     write_json(folder / "report.json", report)
 

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from irtscots_cl.comparison import Comparison
+from irtscots_cl.errorparts import ErrorPart
 from irtscots_cl.files import replacing
 from irtscots_cl.images import ImageStack
 from irtscots_cl.pixellight import chord_cdf
@@ -15,10 +16,17 @@ from irtscots_cl.reconstruction import Reconstruction
 from irtscots_cl.zonal import remove_terms
 
 
-def write_figures(folder: Path, stack: ImageStack, result: Reconstruction, comparison: Comparison | None) -> list[str]:
+def write_figures(
+    folder: Path,
+    stack: ImageStack,
+    result: Reconstruction,
+    comparison: Comparison | None,
+    parts: tuple[ErrorPart, ...] = (),
+) -> list[str]:
     """Write the figures of a run as PNG files into the folder; returns their names.
 
-    comparison: of a simulation, whose truth is known; None for images from a lab.
+    comparison: of a simulation, whose truth is known; None for images from a lab. parts: of the height error, where it
+    was separated.
     """
     figures = {
         "images.png": image_figure(stack),
@@ -26,6 +34,8 @@ def write_figures(folder: Path, stack: ImageStack, result: Reconstruction, compa
         "slopes.png": slope_figure(result),
         "height.png": height_figure(result, comparison),
     }
+    if parts:
+        figures["error_parts.png"] = parts_figure(result, parts)
     for name, figure in figures.items():
         with replacing(folder / name) as temporary:
             figure.savefig(temporary, dpi=120)
@@ -103,11 +113,25 @@ def height_figure(result: Reconstruction, comparison: Comparison | None) -> Figu
     return figure
 
 
+def parts_figure(result: Reconstruction, parts: tuple[ErrorPart, ...]) -> Figure:
+    """A map for each part of the height error, each with its own scale."""
+    columns = min(4, len(parts))
+    rows = -(-len(parts) // columns)
+    figure = Figure(figsize=(4.6 * columns, 4.0 * rows), layout="tight")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, part in zip(grid, parts, strict=False):
+        _map(figure, axes, result, part.height_mm * 1e6, f"{part.name}: {part.height_nm:.2g} nm rms", "nm", "RdBu_r")
+    for axes in grid[len(parts) :]:
+        axes.set_axis_off()
+    return figure
+
+
 def _map(figure: Figure, axes, result: Reconstruction, values: np.ndarray, title: str, unit: str, colours: str) -> None:
     """One map on the detector's grid, labelled with the mirror coordinates that its rows and columns see."""
     limits = {}
     if colours == "RdBu_r":
-        largest = np.nanpercentile(np.abs(values), 99.5)  # single noisy rim pixels do not set the scale
+        # single noisy rim pixels do not set the scale; a map of zeros has none
+        largest = np.nanpercentile(np.abs(values), 99.5) or 1.0
         limits = {"vmin": -largest, "vmax": largest}
     extent = (np.nanmin(result.x_mm), np.nanmax(result.x_mm), np.nanmin(result.y_mm), np.nanmax(result.y_mm))
     used_rows, used_columns = np.nonzero(result.mask)

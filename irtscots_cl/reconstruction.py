@@ -105,7 +105,7 @@ def reconstruct(
     flags[(flags == Flag.GOOD) & ~np.isfinite(centroid_x + centroid_y).all(0)] = Flag.EMPTY
     mask = on_mirror & (flags == Flag.GOOD)
     _check_enough(nominal.name, on_mirror, mask, flags)
-    x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in _design_points(calibration))
+    x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(calibration))
     slope_x, slope_y, deviation = _surface(
         calibration, (x_mm, y_mm), (u_mm, v_mm), mask, (centroid_x, centroid_y), method, pixel_average
     )
@@ -174,7 +174,7 @@ def _measured(
     return on_grid.reshape(-1, *scan.shape), flags.reshape(scan.shape)
 
 
-def _design_points(calibration: Calibration) -> list[np.ndarray]:
+def design_points(calibration: Calibration) -> list[np.ndarray]:
     """Mirror point x, y and screen point u, v [rows, columns] in mm of each pixel's light, were the mirror the design.
 
     From the closed form of the light, or, for pixels that it does not hold for, the mean of their chief rays.

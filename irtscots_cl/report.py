@@ -9,6 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from irtscots_cl.comparison import Comparison, Estimate
+from irtscots_cl.errorparts import ErrorPart
 from irtscots_cl.files import write_text
 from irtscots_cl.prediction import PredictedError
 from irtscots_cl.reconstruction import Reconstruction
@@ -41,9 +42,11 @@ def build_report(
     result: Reconstruction,
     comparison: Comparison,
     predicted: PredictedError,
+    parts: tuple[ErrorPart, ...],
     seconds: dict[str, float],
 ) -> dict:
-    """The contents of report.json. measure: name of how it was measured. seconds: build, trace, reconstruct, total."""
+    """The contents of report.json. measure: name of how it was measured. parts: of the height error,
+    or none. seconds: build, trace, reconstruct, total."""
     height = {key: estimate.value for key, estimate in comparison.height_error_nm.items()}
     return {
         "scene": transport.scene.name,
@@ -78,6 +81,7 @@ def build_report(
             "height_ray_noise_nm_rms": predicted.ray_noise_height_mm * 1e6,
             "height_line_sampling_nm_rms": predicted.line_sampling_height_mm * 1e6,
         },
+        "error_parts": [_part(part) for part in parts],
         "zernike": [
             {
                 "noll": row.noll,
@@ -90,6 +94,11 @@ def build_report(
     }
 
 
+def _part(part: ErrorPart) -> dict:
+    slopes = dict(zip("xy", part.slope_urad, strict=True))
+    return {"part": part.name, "slope_urad_rms": slopes, "height_nm_rms": part.height_nm}
+
+
 def _xy(values: tuple[float, float]) -> dict[str, float]:
     return {"x": values[0] * 1e6, "y": values[1] * 1e6}
 
@@ -97,6 +106,10 @@ def _xy(values: tuple[float, float]) -> dict[str, float]:
 def summary_tables(report: dict) -> list[Table]:
     """The short tables of a run: speed, errors beside their predictions, Zernike coefficients of the scene."""
     tables = [_run_table(report), _error_table(report)]
+    if report["error_parts"]:
+        tables.append(_parts_table(report))
+    if "target" in report:
+        tables.insert(0, _target_table(report["target"]))
     rows = [row for row in report["zernike"] if row["input_um"] != 0]
     if rows:
         tables.append(
@@ -177,6 +190,31 @@ def _error_table(report: dict) -> Table:
         )
         rows.append((f"height without {terms.replace('_', ', ')} [nm]", str(estimate), *parts))
     return Table("Error, rms over the pixels used", ("", "actual", "predicted", "ray noise", "line sampling"), rows)
+
+
+def _target_table(target: dict) -> Table:
+    chosen = target["predicted"]
+    rows = [
+        ("reached", f"{target['reached_nm']:.3g} nm" + ("" if target["met"] else ": MISSED")),
+        ("predicted", f"{chosen['height_nm']:.3g} nm, of which {chosen['floor_nm']:.3g} nm without ray noise"),
+        (
+            "setting",
+            f"--estimator {chosen['estimator']} --sampler {chosen['sampler']} --precision {chosen['precision']} "
+            f"{'--smoothing ' * chosen['smoothing']}--measure {chosen['measure']} "
+            f"--rays-per-pixel {chosen['rays_per_pixel']}",
+        ),
+        ("runs", str(target["attempts"])),
+    ]
+    return Table(f"Target: height error {target['target_nm']:g} nm, piston and tilt removed", ("", ""), rows)
+
+
+def _parts_table(report: dict) -> Table:
+    rows = [
+        (part["part"], *(_shown(part["slope_urad_rms"][axis]) for axis in "xy"), _shown(part["height_nm_rms"]))
+        for part in report["error_parts"]
+    ]
+    head = ("", "slope x [urad]", "slope y [urad]", "height [nm]")
+    return Table("Parts of the height error, rms, piston and tilt removed", head, rows)
 
 
 def write_html(path: Path, report: dict, figures: list[str], toml: str) -> None:

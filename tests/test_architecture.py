@@ -18,7 +18,8 @@ TRACING = ("windows", "samplers", "options", "packing", "transport", "analytic",
 IMAGING = ("images", "patterns", "detector")
 MEASURING = ("lightcurves", "centroids", "profiles", "phase", "slopes", "reconstruction", "refinement", "measures",
              "prediction")  # fmt: skip
-ASSEMBLY = ("comparison", "files", "report", "plots", "studies", "pipeline", "stability", "bench", "cli", "__main__")
+ASSEMBLY = ("comparison", "errorparts", "files", "report", "plots", "studies", "pipeline", "targets", "stability",
+            "bench", "cli", "__main__")  # fmt: skip
 ORDER = MATHEMATICS + DESCRIPTION + DEVICE + TRACING + IMAGING + MEASURING + ASSEMBLY
 
 MAY_IMPORT_PYOPENCL = {"device", "program", "execution"}

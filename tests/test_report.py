@@ -38,6 +38,7 @@ CONTRACT = {
 }
 MORE = {
     "smoothing",
+    "error_parts",
     "measure",
     "refinement_updates_nm",
     "precision",
@@ -88,7 +89,7 @@ def made(replicates: int = 3):
         LEDGER,
         {},
     )
-    report = build_report(transport, "paper", result, comparison, predict_error(result, stack), SECONDS)
+    report = build_report(transport, "paper", result, comparison, predict_error(result, stack), (), SECONDS)
     return stack, result, comparison, report
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from irtscots_cl.presets import load_scene
 from irtscots_cl.scene import Scene
@@ -44,27 +44,35 @@ def visible_scene(name_or_path: str) -> Scene:
     return scene
 
 
+DEFAULTS = {"estimator": "adjoint", "sampler": "philox", "precision": "fp32", "smoothing": False, "measure": "paper"}
+
+
+def choices(options: argparse.Namespace, names: Iterable[str]) -> dict[str, object]:
+    """Those of the options that the user chose, by name; the parsers leave the others None."""
+    given = {name: getattr(options, name, None) for name in names}
+    return {name: value for name, value in given.items() if value is not None}
+
+
 def add_trace_choices(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--estimator",
-        default="adjoint",
         metavar="E",
         help="forward (rays leave the screen, as in the paper), adjoint (rays leave the detector: less noise) or "
         "analytic (light curves in closed form: no rays, no noise); default adjoint",
     )
     parser.add_argument(
         "--sampler",
-        default="philox",
         metavar="S",
         help="philox (independent random numbers; default), sobol (Owen-scrambled Sobol points) or lattice (rank-1 "
         "lattice, shifted at random)",
     )
     parser.add_argument(
-        "--precision", default="fp32", metavar="P", help="fp32 or fp64 arithmetic on the device; default fp32"
+        "--precision", metavar="P", help="fp32 or fp64 arithmetic on the device; default fp32"
     )
     parser.add_argument(
         "--smoothing",
         action="store_true",
+        default=None,
         help="adjoint: a ray brings the light of its whole chord through the aperture, for less noise",
     )
     parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
@@ -73,7 +81,6 @@ def add_trace_choices(parser: argparse.ArgumentParser) -> None:
 def add_measure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--measure",
-        default="paper",
         metavar="M",
         help="how images become heights: paper (plain centroids, trapezoids), fine (light-curve model, cubics, no "
         "averaging over pixels) or refined (fine, then refined by a model of the test); default paper",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from irtscots_cl.cli.common import add_scene, add_trace_choices, command, print_json, visible_scene
+from irtscots_cl.cli.common import add_scene, add_trace_choices, choices, command, print_json, visible_scene
 
 
 def add(commands) -> None:
@@ -16,8 +16,8 @@ def add(commands) -> None:
 def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.options import ANALYTIC, ESTIMATORS, TraceOptions
 
-    chosen = TraceOptions(options.estimator, options.sampler, options.precision, smoothing=options.smoothing)
-    if options.estimator == ANALYTIC:
+    chosen = TraceOptions(**choices(options, ("estimator", "sampler", "precision", "smoothing")))
+    if chosen.estimator == ANALYTIC:
         raise ValueError(f"--estimator = {ANALYTIC!r}: has no kernel; must be one of {', '.join(ESTIMATORS)}")
     scene = visible_scene(options.scene)
     from irtscots_cl.calibration import calibrate

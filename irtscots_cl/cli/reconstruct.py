@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from irtscots_cl.cli.common import add_measure, command, print_json, print_tables
+from irtscots_cl.cli.common import DEFAULTS, add_measure, command, print_json, print_tables
 from irtscots_cl.presets import load_scene
 
 
@@ -61,11 +61,12 @@ def _execute(options: argparse.Namespace) -> int:
 
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder)
-    check_measure(options.measure)
+    how = options.measure or DEFAULTS["measure"]
+    check_measure(how)
     if (folder / "result.h5").resolve() == options.images.resolve():
         raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
     images = read_images(options.images).saturating_at(options.saturation)
-    facts = measure(images, scene.nominal(), folder, options.threshold, options.measure)
+    facts = measure(images, scene.nominal(), folder, options.threshold, how)
     if options.json:
         print_json(facts)
     else:

@@ -6,15 +6,19 @@ import argparse
 from pathlib import Path
 
 from irtscots_cl.cli.common import (
+    DEFAULTS,
     add_measure,
     add_scene,
     add_trace_choices,
+    choices,
     command,
     print_json,
     print_tables,
     progress_bar,
     visible_scene,
 )
+
+RAYS = {"rays_per_pixel": 16384, "replicates": 8, "overfill": 1.0}  # their defaults; a target chooses them itself
 
 
 def add(commands) -> None:
@@ -32,22 +36,31 @@ def add(commands) -> None:
     parser.add_argument(
         "--rays-per-pixel",
         type=int,
-        default=16384,
         metavar="N",
         help="rays per detector pixel (adjoint) or per screen pixel (forward); default 16384",
     )
     parser.add_argument(
+        "--parts",
+        action="store_true",
+        help="also separate the height error into ray noise, line sampling, integration, ...: some seconds more",
+    )
+    parser.add_argument(
         "--replicates",
         type=int,
-        default=8,
         metavar="R",
         help="independent parts of the rays, for error bars; default 8",
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the random numbers; default 1")
     parser.add_argument(
+        "--target-nm",
+        type=float,
+        metavar="E",
+        help="height error to reach, piston and tilt removed: small pilot runs choose the cheapest rays, precision and "
+        "measure that get there, except what is given here too",
+    )
+    parser.add_argument(
         "--overfill",
         type=float,
-        default=1.0,
         metavar="F",
         help="forward: solid angle of the emission over the least that covers the mirror; default 1",
     )
@@ -55,37 +68,15 @@ def add(commands) -> None:
 
 def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.files import check_output_folder
-    from irtscots_cl.measures import check_measure
-    from irtscots_cl.options import ANALYTIC, TraceOptions
-    from irtscots_cl.tracer import share_rays
 
-    TraceOptions(
-        options.estimator, options.sampler, options.precision, options.seed, options.overfill, options.smoothing
-    )
-    check_measure(options.measure)
-    share_rays(options.rays_per_pixel, options.replicates)
+    given = choices(options, DEFAULTS) | choices(options, RAYS)
+    _check(options, DEFAULTS | RAYS | given)
     scene = visible_scene(options.scene)
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
     check_output_folder(folder)
-    from irtscots_cl.device import select_device
-    from irtscots_cl.pipeline import simulate, write_run
+    from irtscots_cl.pipeline import write_run
 
-    device = select_device(options.device) if options.estimator != ANALYTIC else None
-    with progress_bar() as progress:
-        run = simulate(
-            scene,
-            device=device,
-            progress=progress,
-            estimator=options.estimator,
-            sampler=options.sampler,
-            precision=options.precision,
-            rays_per_pixel=options.rays_per_pixel,
-            replicates=options.replicates,
-            seed=options.seed,
-            overfill=options.overfill,
-            smoothing=options.smoothing,
-            measure=options.measure,
-        )
+    run = _simulate(scene, options, given) if options.target_nm is None else _reach(scene, options, given)
     write_run(run, folder)
     if options.json:
         from irtscots_cl.files import plain
@@ -97,3 +88,47 @@ def _execute(options: argparse.Namespace) -> int:
         print_tables(summary_tables(run.report))
         print(f"results in {folder}")
     return 0
+
+
+def _check(options: argparse.Namespace, wanted: dict) -> None:
+    """Refuse options that are out of range or do not go together, with a ValueError."""
+    from irtscots_cl.measures import check_measure
+    from irtscots_cl.options import TraceOptions
+    from irtscots_cl.tracer import share_rays
+
+    names = ("estimator", "sampler", "precision", "overfill", "smoothing")
+    TraceOptions(**{name: wanted[name] for name in names}, seed=options.seed)
+    check_measure(wanted["measure"])
+    share_rays(wanted["rays_per_pixel"], wanted["replicates"])
+    if options.target_nm is not None:
+        for name in choices(options, RAYS):
+            raise ValueError(f"--{name.replace('_', '-')}: --target-nm chooses it; must not be given too")
+        from irtscots_cl.targets import check_target
+
+        check_target(options.target_nm, wanted["estimator"])
+
+
+def _simulate(scene, options: argparse.Namespace, given: dict):
+    """Run as the options say."""
+    from irtscots_cl.device import select_device
+    from irtscots_cl.options import ANALYTIC
+    from irtscots_cl.pipeline import simulate
+    from irtscots_cl.precision import check_precision_of_scene
+
+    wanted, device = DEFAULTS | RAYS | given, None
+    if wanted["estimator"] != ANALYTIC:
+        device = select_device(options.device)
+        check_precision_of_scene(scene, device, wanted["precision"], options.scene)
+    with progress_bar() as progress:
+        return simulate(scene, device=device, progress=progress, seed=options.seed, parts=options.parts, **wanted)
+
+
+def _reach(scene, options: argparse.Namespace, given: dict):
+    """Run what reaches the target."""
+    from irtscots_cl.device import select_device
+    from irtscots_cl.targets import reach
+
+    device = select_device(options.device)
+    with progress_bar() as progress:
+        return reach(scene, options.target_nm, device=device, seed=options.seed, parts=options.parts,
+                     progress=progress, **given)  # fmt: skip
