@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irtscots_cl.bench.fits import fit_exponent
 from irtscots_cl.bench.wall import LIMITS, TIMES, time_on_cores, time_warm
 from irtscots_cl.device import Device, DeviceError
 from irtscots_cl.presets import load_scene
@@ -127,28 +128,6 @@ def _spread(timings: list[dict]) -> dict:
     values = {name: [one[name] for one in timings] for name in TIMES}
     spread = {n: {"median": statistics.median(v), "lowest": min(v), "highest": max(v)} for n, v in values.items()}
     return {"rays": timings[0]["rays"]} | spread
-
-
-def fit_exponent(sizes, seconds: np.ndarray) -> dict[str, float]:
-    """Exponent of seconds ~ size^exponent, by least squares on logarithms, with its standard error.
-
-    sizes: [n], at least two different ones. seconds: [n, rounds]. The exponent is that of the rounds' medians. Its
-    standard error is the larger of two: from the misfit of the n medians, which needs three of them, and from the
-    scatter of the exponents that single rounds give, which needs two rounds; NaN if neither can be had.
-    Raises ValueError for anything else, or values that have no logarithm.
-    """
-    sizes, seconds = np.asarray(sizes, float), np.asarray(seconds, float)
-    if len(set(sizes)) < 2 or seconds.shape[:1] != sizes.shape or seconds.ndim != 2:
-        raise ValueError(f"seconds {seconds.shape} at sizes {sizes}: must be [n, rounds] at two sizes or more")
-    if not (np.all(sizes > 0) and np.all(seconds > 0)):
-        raise ValueError("sizes and seconds: must be above 0 to have a logarithm")
-    x, y, errors = np.log(sizes), np.log(np.median(seconds, 1)), []
-    if len(sizes) > 2:
-        errors.append(math.sqrt(np.polyfit(x, y, 1, cov=True)[1][0, 0]))
-    if seconds.shape[1] > 1:
-        single = np.polyfit(x, np.log(seconds), 1)[0]
-        errors.append(np.std(single, ddof=1) / math.sqrt(len(single)))
-    return {"exponent": float(np.polyfit(x, y, 1)[0]), "standard_error": float(max(errors, default=math.nan))}
 
 
 def run_scaling(device: Device, quick: bool) -> dict:

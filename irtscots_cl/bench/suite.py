@@ -9,20 +9,23 @@ import sys
 import time
 from pathlib import Path
 
+from irtscots_cl.bench.accuracy import run_accuracy
 from irtscots_cl.bench.scaling import run_scaling
 from irtscots_cl.bench.throughput import run_throughput
 from irtscots_cl.device import Device
 from irtscots_cl.report import versions
 
 
-def run_bench(device: Device, quick: bool = False, scaling: bool = False) -> dict:
-    """Contents of bench.json: rates, and with `scaling` or `quick` wall times under the key "scaling" (quick: tiny
-    sweeps). Raises DeviceError if the device cannot do it.
+def run_bench(device: Device, quick: bool = False, scaling: bool = False, accuracy: bool = False) -> dict:
+    """Contents of bench.json: rates; with `scaling` or `quick` wall times under the key "scaling" (quick: tiny sweeps);
+    with `accuracy` speed against error under the key "accuracy". Raises DeviceError if the device cannot do it.
     """
     started = time.perf_counter()
     facts = conditions(device) | {"quick": quick} | run_throughput(device, quick)
     if scaling or quick:
         facts["scaling"] = run_scaling(device, quick)
+    if accuracy:
+        facts["accuracy"] = run_accuracy(device, quick)
     return facts | {"peak_memory_mib": peak_memory_mib(), "seconds": time.perf_counter() - started}
 
 

@@ -13,13 +13,19 @@ def add(commands) -> None:
         commands,
         "bench",
         _execute,
-        "measure the tracer's throughput",
-        "Writes bench.json, bench.png and, with scaling, bench_scaling.png into the output folder.",
+        "measure the tracer's throughput, and speed against error",
+        "Writes bench.json, bench.png and, where asked for, bench_scaling.png and bench_accuracy.png into the output "
+        "folder.",
     )
     parser.add_argument(
         "--scaling",
         action="store_true",
         help="also wall times against rays, screen pixels, detector pixels and cores: minutes more",
+    )
+    parser.add_argument(
+        "--accuracy",
+        action="store_true",
+        help="also seconds against slope and height error by estimator, sampler, precision and rays: half an hour more",
     )
     parser.add_argument("--quick", action="store_true", help="fewer cases and rounds, tiny scaling; under 20 s")
     parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
@@ -37,7 +43,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.bench.tables import bench_tables
     from irtscots_cl.device import select_device
 
-    results = run_bench(select_device(options.device), options.quick, options.scaling)
+    results = run_bench(select_device(options.device), options.quick, options.scaling, options.accuracy)
     options.out.mkdir(parents=True, exist_ok=True)
     write_json(options.out / "bench.json", results)
     write_figures(options.out, results)
