@@ -1,7 +1,7 @@
 """Whether a precision is enough for a scene: some of its rays on the device, against float64 on the host, before a run.
 
 What rounding does depends on the scene: the same single precision is good to 0.01 urad on the paper's sphere, and
-useless where a small spot lies far from the screen's origin or rays graze a steep conic.
+useless where a set-up is small beside its distance from the vertex of the mirror.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from scipy.linalg import lstsq
+from scipy.linalg import pinvh
 
 from irtscots_cl.calibration import Calibration
 from irtscots_cl.centroids import centroids
@@ -37,8 +37,9 @@ def refine(
     The result's updates_nm tell each round's change, piston and tilt removed. Pixels that the model has no light for
     keep their slopes. threshold: as in the reconstruction.
     """
+    fit = _fit(result)
     for _ in range(rounds):
-        refined = _round(result, stack, threshold)
+        refined = _round(result, stack, fit, threshold)
         change = remove_terms(
             result.x_mm, result.y_mm, refined.deviation_mm - result.deviation_mm, result.mask, "piston_tilt"
         )
@@ -49,24 +50,30 @@ def refine(
     return result
 
 
-def modelled(result: Reconstruction) -> Scene:
-    """The design with the measured deviation as Zernike terms, fitted by least squares over the mask."""
-    mirror, mask = result.nominal.mirror, result.mask
+def _fit(result: Reconstruction) -> np.ndarray:
+    """Matrix [terms, pixels used] from heights to coefficients of Noll terms 1, 2, ... by least squares over the mask.
+
+    By normal equations: the terms are nearly orthogonal over a mirror, and what a mask cannot tell apart is left out.
+    """
     order = MODEL_ORDER
     while (order + 1) * (order + 2) // 2 * PIXELS_PER_TERM > result.pixels_used and order > 1:
         order -= 1
-    indices = range(1, (order + 1) * (order + 2) // 2 + 1)
-    radius = mirror.diameter_mm / 2
-    x, y = result.x_mm[mask] / radius, result.y_mm[mask] / radius
-    basis = np.stack([zernike(noll, x, y) for noll in indices], axis=1)
-    fit_um = lstsq(basis, result.deviation_mm[mask] * 1e3, lapack_driver="gelsy")[0]  # the fastest of them
-    terms = ZernikeTerms(radius, "noll", dict(zip(indices, fit_um.tolist(), strict=True)))
+    radius = result.nominal.mirror.diameter_mm / 2
+    x, y = result.x_mm[result.mask] / radius, result.y_mm[result.mask] / radius
+    basis = np.stack([zernike(noll, x, y) for noll in range(1, (order + 1) * (order + 2) // 2 + 1)])
+    return pinvh(basis @ basis.T, rtol=1e-10) @ basis
+
+
+def modelled(result: Reconstruction, fit: np.ndarray) -> Scene:
+    """The design with the measured deviation as Zernike terms. fit: see _fit."""
+    mirror, fit_um = result.nominal.mirror, fit @ result.deviation_mm[result.mask] * 1e3
+    terms = ZernikeTerms(mirror.diameter_mm / 2, "noll", dict(enumerate(fit_um.tolist(), 1)))
     return dataclasses.replace(result.nominal, mirror=dataclasses.replace(mirror, zernike=(terms,)))
 
 
-def _round(result: Reconstruction, stack: ImageStack, threshold: float) -> Reconstruction:
+def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray, threshold: float) -> Reconstruction:
     """One round: the model's light curves, and the surface that explains the measured ones."""
-    scene, mask = modelled(result), result.mask
+    scene, mask = modelled(result, fit), result.mask
     calibration = Calibration(scene)
     pixels = np.flatnonzero(mask)
     light = PixelLight.of(calibration, pixels)

@@ -33,6 +33,7 @@ ORDERINGS = ("noll", "fringe", "osa")
 _FIRST_INDEX = {"noll": 1, "fringe": 1, "osa": 0}
 
 # A sample computed as (cos a, sin a) may land a few ulp outside the disk; it is still a sample on the rim.
+_AT_ONCE = 2**13  # points of a series: a dozen arrays of them stay in the cache
 _RIM_TOLERANCE = 1e-12
 
 
@@ -249,6 +250,15 @@ def evaluate_series(
     Each result has the broadcast shape of ``x`` and ``y``; the slopes are per unit-disk coordinate.
     """
     x, y = _broadcast(x, y)
+    result = np.empty((3, x.size))
+    flat_x, flat_y = x.ravel(), y.ravel()
+    for first in range(0, x.size, _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        result[:, part] = _evaluate(series, flat_x[part], flat_y[part])
+    return tuple(result.reshape(3, *x.shape))
+
+
+def _evaluate(series: RadialSeries, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
     zeta = x + 1j * y
     value, slope_x, slope_y = np.zeros((3, *x.shape))
     lower, power, reached = np.zeros_like(zeta), np.ones_like(zeta), 0

@@ -105,6 +105,13 @@ def test_scaling_is_there_when_asked_for_and_in_the_quick_form(device, monkeypat
     assert results.get("scaling") == ({"quick": quick} if made else None)
 
 
+def test_accuracy_is_there_when_asked_for(device, monkeypatch):
+    monkeypatch.setattr(suite, "run_throughput", lambda device, quick: {"cases": []})
+    monkeypatch.setattr(suite, "run_accuracy", lambda device, quick: {"quick": quick})
+    assert suite.run_bench(device, accuracy=True)["accuracy"] == {"quick": False}
+    assert "accuracy" not in suite.run_bench(device)
+
+
 @pytest.mark.parametrize(
     "arguments, code, said",
     [

@@ -42,6 +42,7 @@ class Case:
     precision: str = "fp32"
     accumulate: str | None = None
     width: int | None = None
+    smoothing: bool = False
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,8 @@ def default_cases(device: Device, quick: bool) -> list[Case]:
     cases = _scene_cases("scenes and samplers", scenes, tuple(SAMPLERS), "fp32")
     if device.has_fp64:
         cases += _scene_cases("double precision", scenes, ("philox",) if quick else tuple(SAMPLERS), "fp64")
+    cases += [Case("smoothed rays, adjoint", f"{scene.name}, {sampler}", scene, "adjoint", sampler, smoothing=True)
+              for scene in scenes for sampler in (("sobol",) if quick else SAMPLERS)]  # fmt: skip
     cases += [Case("one feature alone, forward", name, scene) for name, scene in _features(sphere).items()]
     if device.has_fp64:
         cases.append(Case("one feature alone, forward", "double precision", sphere, precision="fp64"))
@@ -110,7 +113,8 @@ def _features(sphere: Scene) -> dict[str, Scene]:
 def time_cases(cases: list[Case], device: Device, quick: bool) -> list[Timing]:
     """Build and warm up all cases, then time them in turn. Raises as Tracer and its options do."""
     tracers = [
-        Tracer(calibrate(case.scene), device, TraceOptions(case.estimator, case.sampler, case.precision),
+        Tracer(calibrate(case.scene), device,
+               TraceOptions(case.estimator, case.sampler, case.precision, smoothing=case.smoothing),
                width=case.width, accumulate=case.accumulate)
         for case in cases
     ]  # fmt: skip
