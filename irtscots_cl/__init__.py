@@ -9,13 +9,15 @@ Map of the files, in layers; a file imports only from files above it:
 
     geometry, zernikes, zonal, integration                mathematics
     checked, scene, presets, surface, calibration         what is tested, with what, and its chief rays
+    pixelmap, cells, pixellight                           a detector pixel's light in closed form
     interface, device, program, execution                 OpenCL: no other file imports pyopencl
-    windows, samplers, packing, transport, tracer         scene + device -> Transport
+    windows, samplers, options, packing, transport,
+    analytic, tracer, probes, precision                   scene + device -> Transport or light curves
     images, patterns                                      Transport -> image stack
-    lightcurves, centroids, slopes, reconstruction,
-    prediction                                            image stack -> height; never sees the true surface
-    comparison, files, report, plots, pipeline, bench,
-    cli                                                   assembly
+    lightcurves, centroids, profiles, slopes,
+    reconstruction, refinement, measures, prediction      image stack -> height; never sees the true surface
+    comparison, errorparts, files, report, plots,
+    pipeline, targets, stability, bench, cli              assembly
 
 The kernels are OpenCL C in kernels/: at the top of the repository, inside the package once it is installed.
 """
@@ -27,16 +29,20 @@ from typing import Any
 # wrong argument on the command line need not wait for NumPy, OpenCL and Matplotlib.
 _PUBLIC = {
     "DeviceError": "device",
+    "LineLight": "transport",
     "LineScan": "patterns",
     "Scene": "scene",
     "SceneError": "scene",
     "Transport": "transport",
     "all_devices": "device",
     "compare": "comparison",
+    "error_parts": "errorparts",
     "integrate_slopes": "integration",
     "load_scene": "presets",
+    "measure_by": "measures",
     "noise_gain": "integration",
     "reconstruct": "reconstruction",
+    "refine": "refinement",
     "select_device": "device",
     "trace": "tracer",
     "zernike": "zernikes",
