@@ -9,7 +9,7 @@ import numpy as np
 
 from irtscots_cl.interface import PRECISIONS
 from irtscots_cl.probes import MeetProbe
-from irtscots_cl.scene import Mirror, Scene
+from irtscots_cl.scene import Detector, Mirror, Scene
 from irtscots_cl.stability.conics import RAYS, SEED, compare, lines_through, mirror_scene, points_on
 from irtscots_cl.stability.exact import ExactMirror
 from irtscots_cl.stability.outcome import Bench, Case, Finding, count
@@ -61,7 +61,7 @@ def _corner_scene(offset_lines: float) -> Scene:
     ellipsoid = Mirror(radius_mm=3000.0, conic=-0.25, diameter_mm=1000.0)
     scene = scene_of(ellipsoid, (0.0, 0.0, 2000.0), (0.0, 0.0, 6000.0), 0.2)
     screen = dataclasses.replace(scene.screen, pixels=(6, 6), centre_offset_mm=(0.2 * offset_lines,) * 2)
-    camera = dataclasses.replace(scene.camera, aperture_diameter_mm=1e-9)
+    camera = dataclasses.replace(scene.camera, aperture_diameter_mm=0.02)
     return dataclasses.replace(scene, screen=screen, camera=camera)
 
 
@@ -86,8 +86,40 @@ def _corners(bench: Bench) -> list[Finding]:
     ]  # fmt: skip
 
 
+def _speck_scene(pixels: int) -> Scene:
+    """A mirror that is a speck on the camera's axis: its light falls within a micrometre of the detector's centre."""
+    speck = Mirror(radius_mm=1e4, diameter_mm=0.02)
+    scene = scene_of(speck, (0.0, 0.0, 5000.0), (0.0, 0.0, 9000.0), 0.2)
+    detector = Detector(pixels=(pixels, pixels), pitch_mm=0.1)
+    return dataclasses.replace(
+        scene,
+        screen=dataclasses.replace(scene.screen, pixels=(4, 4)),
+        camera=dataclasses.replace(scene.camera, aperture_diameter_mm=10.0, detector=detector),
+    )
+
+
+def _detector_corner(bench: Bench) -> list[Finding]:
+    """The same rays forward, with the detector's centre once on a corner of four pixels and once in one's middle."""
+
+    def run(pixels: int, **options) -> Transport:
+        return trace(_speck_scene(pixels), device=bench.device, precision=bench.precision, estimator="forward",
+                     rays_per_pixel=2**16, replicates=2, **options)  # fmt: skip
+
+    corner, again, middle = run(4), run(4, launch_rays=30_000), run(5)
+    bins = [t.counts.sum((0, 1)) for t in (corner, middle)]
+    return [
+        count("screen pixels whose light on the corner is not that in the middle", np.sum(bins[0] != bins[1]),
+              bins[0].size, "a ray on an edge counts once"),
+        count("bins that differ in a second run, cut otherwise", np.sum(corner.counts != again.counts),
+              corner.counts.size, "same seed, same bits"),
+        count("ledgers that differ", int(corner.ledger != middle.ledger), 1, "every ray has one fate"),
+        count("light there is", int(bins[0].sum() == 0), 1, "or this case would test no edge"),
+    ]  # fmt: skip
+
+
 CASES = (
     *(Case("edges and grazing rays", f"incidence of {d:g} degrees", partial(_grazing, d)) for d in GRAZING_DEGREES),
     Case("edges and grazing rays", "on the mirror's rim and hole", _rims),
     Case("edges and grazing rays", "on the corner of four screen pixels", _corners),
+    Case("edges and grazing rays", "on the corner of four detector pixels", _detector_corner),
 )
