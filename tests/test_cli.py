@@ -130,6 +130,15 @@ def test_the_printed_kernel_builds_by_itself(irtscots, device):
     assert [kernel.function_name for kernel in program.all_kernels()] == ["trace_adjoint"]
 
 
+@pytest.mark.parametrize("sampler", ["philox", "sobol"])
+def test_kernel_prints_the_smoothed_one(irtscots, device, sampler):
+    arguments = ("kernel", "sphere", "--smoothing", "--sampler", sampler, "--device", device.index)
+    code, out, err = irtscots(*arguments)
+    assert (code, err) == (0, "")
+    assert "trace_lines(" in out and "trace_adjoint(" not in out and "#include" not in out
+    assert "trace_lines.cl" in json.loads(irtscots(*arguments, "--json")[1])["files"]
+
+
 # --- run ----------------------------------------------------------------------------------------------------
 
 
@@ -209,6 +218,84 @@ def test_run_as_json_prints_the_report_and_replaces_an_older_one(irtscots, devic
     assert seeds == [1, 2]
 
 
+@pytest.fixture
+def without_figures(monkeypatch):
+    """Figures take longer than all else in a small run."""
+    monkeypatch.setattr("irtscots_cl.plots.write_figures", lambda *_: [])
+
+
+def report_of(outcome):
+    code, out, err = outcome
+    assert (code, err) == (0, "")
+    return json.loads(out, parse_constant=pytest.fail)
+
+
+@pytest.fixture
+def analytic(irtscots, here):
+    """Runs my.toml by the analytic estimator, with more options: its report."""
+    (here / "my.toml").write_text(small_toml())
+
+    def call(*more):
+        return report_of(irtscots("run", "my.toml", "--estimator", "analytic", "--json", "--out", "out", *more))
+
+    return call
+
+
+def test_the_analytic_estimator_needs_no_device(irtscots, analytic, here, monkeypatch):
+    monkeypatch.setenv("IRTSCOTS_DEVICE", "nonsense")
+    report = analytic()
+    assert everything_in(here / "out") == FILES
+    assert (report["estimator"], report["device"]["name"], report["precision"]) == ("analytic", "host", "fp64")
+    assert sum(n for fate, n in report["ledger"].items() if fate != "launched") == report["rays_total"]
+    assert report["predicted"]["height_ray_noise_nm_rms"] == 0.0
+    assert report["height_standard_error_nm"] is None and report["replicates"] == 1
+    # the same variable where a device is needed
+    assert_refused(irtscots("run", "my.toml", "--out", "other", *FEW), 3, "IRTSCOTS_DEVICE", "nonsense")
+
+
+def test_an_analytic_run_prints_its_tables(irtscots, here):
+    (here / "my.toml").write_text(small_toml())
+    code, out, err = irtscots("run", "my.toml", "--estimator", "analytic", "--measure", "refined", "--out", "out")
+    assert (code, err) == (0, "")
+    assert out.splitlines()[0].strip() == "sphere-deviated, analytic estimator on host"
+    assert "height without piston, tilt [nm]" in out and out.endswith("results in out\n")
+    page = (here / "out" / "report.html").read_text()
+    assert "analytic" in page
+
+
+def test_measures_are_reported_and_each_is_more_exact_than_the_one_before(analytic, here, without_figures):
+    errors, updates = [], []
+    for measure in ("paper", "fine", "refined"):
+        report = analytic("--measure", measure)
+        assert (report["measure"], report["smoothing"]) == (measure, False)
+        with h5py.File(here / "out" / "result.h5") as file:
+            assert file.attrs["measure"] == measure
+        errors.append(report["height_error_nm_rms"]["piston_tilt"])
+        updates.append(report["refinement_updates_nm"])
+    assert updates[:2] == [[], []] and 2 <= len(updates[2]) <= 4
+    assert sorted(updates[2], reverse=True) == updates[2]
+    # nm: 10 by averaging over pixels of 43 mm to the second order, 0.8 to the fourth, 0.005 by the unknown piston
+    assert errors[0] > 5 > 2 > errors[1] > 0.2 > 0.02 > errors[2]
+
+
+def test_paper_is_the_measure_unless_told_otherwise(finished):
+    report = json.loads((finished / "out" / "report.json").read_text())
+    assert (report["measure"], report["refinement_updates_nm"], report["smoothing"]) == ("paper", [], False)
+
+
+def test_smoothing_is_reported_and_has_less_noise(irtscots, finished, device, here):
+    arguments = ("run", finished / "my.toml", "--out", "out", "--seed", "5", "--device", device.index, *FEW)
+    smooth = report_of(irtscots(*arguments, "--smoothing", "--json"))
+    rough = json.loads((finished / "out" / "report.json").read_text())
+    assert smooth["smoothing"] is True and smooth["estimator"] == "adjoint"
+    assert sum(n for fate, n in smooth["ledger"].items() if fate != "launched") == smooth["rays_total"]
+    assert smooth["rays_total"] == rough["rays_total"]
+    for axis in ("x", "y"):
+        # 2.3 times here, where a pixel's own image is as large as the aperture's; 393 pixels tell the ratio to 5 %
+        assert smooth["slope_error_urad_rms"][axis] < 0.7 * rough["slope_error_urad_rms"][axis]
+    assert everything_in(here / "out") == FILES
+
+
 # --- reconstruct --------------------------------------------------------------------------------------------
 
 
@@ -267,6 +354,63 @@ def test_reconstruct_refuses_images_that_do_not_fit(irtscots, finished, here):
             "must be at least 0 and below 1",
         )
     assert everything_in(here) == ["text.h5"]
+
+
+@pytest.mark.parametrize(
+    ("measure", "options"),
+    [("paper", ()), ("fine", ("--measure", "fine")), ("refined", ("--measure", "refined"))],
+)
+def test_reconstruct_measures_as_the_run_did(irtscots, analytic, here, without_figures, measure, options):
+    """By the paper's measure unless told otherwise."""
+    report = analytic(*options)
+    arguments = ("reconstruct", "out/result.h5", "--scene", "my.toml", "--out", "lab", "--json")
+    facts = report_of(irtscots(*arguments, *options))
+    assert facts["measure"] == measure
+    assert facts["refinement_updates_nm"] == pytest.approx(report["refinement_updates_nm"], rel=0.01, abs=1e-6)
+    with h5py.File("out/result.h5") as run, h5py.File("lab/result.h5") as again:
+        assert again.attrs["measure"] == measure
+        np.testing.assert_allclose(
+            again["deviation_nm"][()],
+            run["deviation_nm"][()],
+            rtol=0,
+            atol=1e-5,  # nm: rounding of 385, and of the last round's change
+        )
+
+
+def test_saturated_pixels_are_counted_and_left_out(irtscots, finished, here, without_figures):
+    images, scene = finished / "out" / "result.h5", finished / "my.toml"
+    arguments = ("reconstruct", images, "--scene", scene, "--out", "lab", "--json")
+    plain = report_of(irtscots(*arguments))
+    with h5py.File(images) as file:
+        peaks = np.maximum(file["images/x"][()].max(0), file["images/y"][()].max(0))
+        mask = file["mask"][()]
+    limit = float(np.sort(peaks[mask])[-30])  # a value of the images, and it is saturated
+    facts = report_of(irtscots(*arguments, "--saturation", repr(limit)))
+    assert facts["light_curves_refused"]["saturated"] >= 30 and plain["light_curves_refused"]["saturated"] == 0
+    assert facts["pixels_used"] == plain["pixels_used"] - 30
+    with h5py.File(here / "lab" / "result.h5") as file:
+        np.testing.assert_array_equal(file["mask"][()], mask & (peaks < limit))
+        assert (file["flags"][()][mask & (peaks >= limit)] == 4).all()
+    above = report_of(irtscots(*arguments, "--saturation", repr(2 * float(peaks.max()))))
+    assert above == plain == report_of(irtscots(*arguments, "--saturation", "inf"))
+
+
+@pytest.mark.parametrize(
+    ("option", "parts"),
+    [
+        (("--saturation", "0"), ("--saturation = 0.0: must be above 0",)),
+        (("--saturation=-1",), ("--saturation = -1.0: must be above 0",)),
+        (("--saturation", "nan"), ("--saturation = nan: must be above 0",)),
+        (("--saturation", "x"), ("--saturation", "'x'", "see irtscots reconstruct --help")),
+        (("--saturation", "1e-300"), ("0 of the 393 detector pixels", "393 saturated")),
+        (("--measure", "bad"), ("--measure = 'bad': must be one of paper, fine, refined",)),
+        (("--measure",), ("--measure", "see irtscots reconstruct --help")),
+    ],
+)
+def test_reconstruct_refuses_what_it_cannot_use(irtscots, finished, here, option, parts):
+    images, scene = finished / "out" / "result.h5", finished / "my.toml"
+    assert_refused(irtscots("reconstruct", images, "--scene", scene, "--out", "lab", *option), 2, *parts)
+    assert everything_in(here) == []
 
 
 # --- refusals -----------------------------------------------------------------------------------------------
@@ -356,6 +500,23 @@ def test_a_bad_scene_file_is_refused_in_one_line_and_nothing_is_written(
         (("run", "sphere", "--seed", "-1"), ("--seed = -1: must be 0 to 2^64 - 1",)),
         (("run", "sphere", "--overfill", "0.5"), ("--overfill = 0.5: must be 1 to 10000",)),
         (("run", "sphere", "--overfill", "nan"), ("--overfill = nan: must be 1 to 10000",)),
+        (("run", "sphere", "--measure", "bad"), ("--measure = 'bad': must be one of paper, fine, refined",)),
+        (
+            ("run", "sphere", "--smoothing", "--estimator", "forward"),
+            ("--smoothing: must go with --estimator adjoint, not forward",),
+        ),
+        (
+            ("run", "sphere", "--smoothing", "--estimator", "analytic"),
+            ("--smoothing: must go with --estimator adjoint, not analytic",),
+        ),
+        (
+            ("kernel", "sphere", "--smoothing", "--estimator", "forward"),
+            ("--smoothing: must go with --estimator adjoint, not forward",),
+        ),
+        (
+            ("kernel", "sphere", "--estimator", "analytic"),
+            ("--estimator = 'analytic': has no kernel; must be one of forward, adjoint",),
+        ),
         (("run", "sphere", "--out", "file"), ("--out = 'file': file is not a folder",)),
         (("run", "sphere", "--out", "file/below"), ("--out = 'file/below': ", "file is not a folder")),
         (("run", "sphere", "--out", "x" * 300), ("File name too long",)),
@@ -374,6 +535,13 @@ def test_a_bad_argument_is_refused_in_one_line_and_nothing_is_written(irtscots, 
     (here / "file").write_text("")
     assert_refused(irtscots(*arguments), 2, *parts)
     assert everything_in(here) == ["file"] and not (here / "irtscots-out").exists()
+
+
+@pytest.mark.parametrize("wrong", [("--measure", "bad"), ("--smoothing", "--estimator", "forward")], ids=str)
+def test_a_wrong_choice_is_refused_before_any_ray_is_traced(irtscots, here, monkeypatch, wrong):
+    monkeypatch.setattr("irtscots_cl.pipeline.simulate", lambda *_, **__: pytest.fail("traced"))
+    monkeypatch.setenv("IRTSCOTS_DEVICE", "nonsense")  # and before a device is looked for
+    assert_refused(irtscots("run", "sphere", *wrong), 2, "must ")
 
 
 def test_an_unusable_output_folder_is_refused_before_any_ray_is_traced(irtscots, here, monkeypatch):

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
+from synthetic import small_scene
 
 from irtscots_cl.patterns import LineScan
 from irtscots_cl.pipeline import measure, simulate, write_run
 from irtscots_cl.presets import load_scene
 from irtscots_cl.reconstruction import reconstruct
 from irtscots_cl.scene import ZernikeTerms
+from irtscots_cl.transport import LineLight
 from irtscots_cl.zonal import rms
 
 
@@ -161,3 +164,96 @@ def test_an_old_report_does_not_vouch_for_a_rerun_that_failed(device, monkeypatc
     with pytest.raises(OSError, match="disk full"):
         measure(run.stack, run.transport.scene.nominal(), tmp_path)
     assert not (tmp_path / "report.json").exists()
+
+
+# --- light in closed form, smoothed rays, ways to measure ------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def analytic():
+    """The deviated sphere without noise: by no device."""
+    return simulate(load_scene("sphere-deviated"), estimator="analytic")
+
+
+def test_without_noise_the_error_is_the_predicted_one_of_line_sampling(analytic):
+    predicted = analytic.report["predicted"]
+    assert predicted["slope_ray_noise_urad_rms"] == {"x": 0.0, "y": 0.0}
+    assert predicted["height_ray_noise_nm_rms"] == 0.0
+    for axis in ("x", "y"):
+        line_sampling = predicted["slope_line_sampling_urad_rms"][axis]
+        assert line_sampling == predicted["slope_error_urad_rms"][axis]
+        assert line_sampling == pytest.approx(0.095, rel=0.02)  # urad, as on the paper's sphere
+        # averaging over pixels of 9.6 mm and the deviation's part of the profile come on top
+        assert urad(analytic, axis) == pytest.approx(line_sampling, rel=0.05)
+    actual = analytic.report["height_error_nm_rms"]["piston_tilt"]
+    # 0.4 nm of the trapezoids' own error come on top as squares: 4 %
+    assert actual == pytest.approx(predicted["height_error_nm_rms_piston_tilt"], rel=0.1)
+
+
+def test_without_noise_the_report_says_so(analytic):
+    report = analytic.report
+    assert isinstance(analytic.transport, LineLight)
+    assert (report["estimator"], report["device"]["kind"], report["replicates"]) == ("analytic", "host", 1)
+    assert (report["smoothing"], report["measure"], report["refinement_updates_nm"]) == (False, "paper", [])
+    assert np.isnan(report["height_standard_error_nm"])
+    assert sum(count for fate, count in report["ledger"].items() if fate != "launched") == report["rays_total"]
+    assert np.isinf(analytic.stack.x.hits).all()
+
+
+def test_its_flux_is_that_of_rays(analytic, deviated):
+    for pixel in ((62, 62), (40, 80)):
+        by_rays, closed = (
+            sum(run.stack.x.image(line)[pixel] for line in range(21)) for run in (deviated, analytic)
+        )
+        # all rays of these pixels arrive; the curvature of cos^4 over a pixel, (0.037 / 16)^2 / 3, is left out: 1.8e-6
+        assert closed == pytest.approx(by_rays, rel=3e-6)
+
+
+def test_a_fine_measure_has_neither_sampling_nor_integration_error(analytic):
+    fine = simulate(load_scene("sphere-deviated"), estimator="analytic", measure="fine")
+    assert fine.report["measure"] == "fine" and fine.result.method == "cubic"
+    assert fine.report["predicted"]["slope_line_sampling_urad_rms"] == {"x": 0.0, "y": 0.0}  # it is modelled
+    nm = [run.report["height_error_nm_rms"]["piston_tilt"] for run in (analytic, fine)]
+    assert nm[0] > 1.2 and nm[1] < 0.05  # nm: sampling by lines; 0.015 of the profiles that a deviation changes
+
+
+def test_smoothed_rays_are_measured_with_the_error_their_replicates_tell(device):
+    scene = small_scene("sphere-deviated")
+    options = {"device": device, "rays_per_pixel": 1024, "seed": 3}
+    smooth, rough = (simulate(scene, smoothing=on, **options) for on in (True, False))
+    assert smooth.report["smoothing"] is True and isinstance(smooth.transport, LineLight)
+    assert np.isnan(smooth.stack.x.hits).all()  # no number of independent rays has their noise
+    for axis in ("x", "y"):
+        noise, of_rough = (
+            run.report["predicted"]["slope_ray_noise_urad_rms"][axis] for run in (smooth, rough)
+        )
+        assert noise < 0.75 * of_rough  # the aperture's part of the noise goes, that of pixels of 29 mm stays
+        free = simulate(scene, estimator="analytic").result
+        found = rms(getattr(smooth.result, f"slope_{axis}") - getattr(free, f"slope_{axis}"), free.mask) * 1e6
+        # 1049 pixels tell the rms to 2.2 %, 8 replicates of each the prediction to 0.9 %: 4 sigma, chance 6e-5
+        assert found == pytest.approx(noise, rel=0.10)
+
+
+def test_an_unknown_measure_is_refused():
+    with pytest.raises(ValueError, match=r"--measure = 'finest': must be one of paper, fine, refined"):
+        simulate(small_scene("sphere", 25), estimator="analytic", measure="finest")
+
+
+@pytest.mark.parametrize("how", ["paper", "fine", "refined"])
+def test_images_alone_are_measured_as_a_simulation_s(how, tmp_path):
+    run = simulate(small_scene("sphere-deviated", 25), estimator="analytic", measure=how)
+    facts = measure(run.stack, run.transport.scene.nominal(), tmp_path, how=how)
+    assert facts["measure"] == how
+    for key in ("refinement_updates_nm", "pixels_used", "light_curves_refused", "scene"):
+        assert facts[key] == run.report[key]
+    assert len(facts["refinement_updates_nm"]) == {"paper": 0, "fine": 0, "refined": 4}[how]
+    assert list(facts["deviation_nm_rms"]) == ["piston", "piston_tilt", "piston_tilt_power"]
+
+
+def test_a_run_without_a_device_is_written_whole(tmp_path):
+    run = simulate(small_scene("sphere-deviated", 25), estimator="analytic", measure="refined")
+    write_run(run, tmp_path)
+    report = json.loads((tmp_path / "report.json").read_text(), parse_constant=pytest.fail)
+    assert report["refinement_updates_nm"] == list(run.result.updates_nm)
+    assert report["height_standard_error_nm"] is None  # no replicates, no error bar
+    assert (tmp_path / "report.html").stat().st_size > 1000 and (tmp_path / "result.h5").is_file()

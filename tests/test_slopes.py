@@ -1,12 +1,13 @@
-"""Triangulated slopes against the law of reflection, the paper's equation and their signs."""
+"""Triangulated slopes against the law of reflection, the paper's equation and their signs; means over pixels."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from irtscots_cl.slopes import half_vector_slopes
+from irtscots_cl.slopes import half_vector_slopes, without_pixel_average
 
 ROUNDING = 1e-12  # rad; directions of unit length carry 1e-16
 WITHIN = st.floats(-0.3, 0.3)
@@ -79,3 +80,130 @@ def test_shapes_and_one_camera_for_all():
     screen = np.stack([mirror[..., 0], mirror[..., 1], mirror[..., 2] + 100], -1)
     for slope in half_vector_slopes(mirror, screen, np.array([0.0, 0.0, 100.0])):
         assert slope.shape == (4, 3)
+
+
+# --- means over pixels --------------------------------------------------------------------------------------
+
+NAN = np.nan
+
+
+def grid(size, pitch=1.0):
+    """Centres x, y [size, size] of square pixels around the origin."""
+    at = (np.arange(size) - (size - 1) / 2) * pitch
+    return np.meshgrid(at, at)
+
+
+def polynomial(coefficients, x, y):
+    """sum of c x^i y^k of coefficients {(i, k): c}, and its mean over the unit square around each point."""
+    value, mean = np.zeros_like(x), np.zeros_like(x)
+    for (i, k), c in coefficients.items():
+        value += c * x**i * y**k
+        of_x, of_y = (
+            ((v + 0.5) ** (n + 1) - (v - 0.5) ** (n + 1)) / (n + 1) for v, n in ((x, i), (y, k))
+        )
+        mean += c * of_x * of_y
+    return value, mean
+
+
+def random_polynomial(order, seed):
+    random = np.random.default_rng(seed)
+    return {(i, k): random.normal() for i in range(order + 1) for k in range(order + 1 - i)}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_cubic_s_values_follow_exactly_from_its_means(seed):
+    value, mean = polynomial(random_polynomial(3, seed), *grid(9))
+    found = without_pixel_average(mean, np.ones((9, 9), bool))
+    assert np.abs(value - mean).max() > 0.1  # there is something to take away
+    inner = np.s_[1:-1, 1:-1]
+    np.testing.assert_allclose(found[inner], value[inner], rtol=0, atol=1e-12)  # rounding of numbers near 100
+    assert np.abs((found - value)[0, 1:-1]).max() > 1e-3  # at the edge the neighbour's second difference differs
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_quadratic_s_values_follow_exactly_up_to_the_edge(seed):
+    """On a disk with a hole: every row and column of a pixel is three pixels long somewhere next to it."""
+    x, y = grid(21)
+    mask = (np.hypot(x, y) < 9.2) & (np.hypot(x, y) > 2.9)
+    value, mean = polynomial(random_polynomial(2, seed), x, y)
+    found = without_pixel_average(mean, mask)
+    long_enough = [_run_lengths(m) >= 3 for m in (mask, mask.T)]
+    known = mask & long_enough[0] & long_enough[1].T
+    assert known.sum() > 0.95 * mask.sum()
+    np.testing.assert_allclose(found[known], value[known], rtol=0, atol=1e-12)  # rounding of numbers near 100
+    np.testing.assert_array_equal(np.isnan(found), ~mask)
+
+
+def _run_lengths(mask):
+    """Of each pixel, how many neighbours in its row are joined to it, itself included."""
+    lengths = np.zeros(mask.shape, int)
+    for row, line in enumerate(mask):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], line, [0]])))
+        for first, last in edges.reshape(-1, 2):
+            lengths[row, first:last] = last - first
+    return lengths
+
+
+def test_its_error_falls_with_the_fourth_power_of_the_pitch():
+    """Of sin(x + y / 2) over one square, whose means over pixels are known."""
+    largest = []
+    for size in (10, 20, 40):
+        pitch = 4.0 / size
+        x, y = grid(size, pitch)
+        value = np.sin(x + y / 2)
+        mean = value * np.sinc(pitch / 2 / np.pi) * np.sinc(pitch / 4 / np.pi)
+        found = without_pixel_average(mean, np.ones_like(value, bool))
+        largest.append(np.abs(found - value)[1:-1, 1:-1].max())
+        assert largest[-1] < np.abs(mean - value).max() / 10  # smaller than what it takes away
+    order = np.log2(np.divide(largest[:-1], largest[1:]))
+    np.testing.assert_allclose(order, 4, atol=0.1)  # the sixth power; the largest value moves with the grid
+
+
+def test_a_pixel_at_the_edge_borrows_its_neighbour_s_second_difference():
+    line = np.array([[1.0, 5.0, 2.0, 9.0, 4.0]])  # second differences -7, 10, -12
+    found = without_pixel_average(line, np.ones_like(line, bool))
+    np.testing.assert_allclose(found, line - np.array([[-7, -7, 10, -12, -12]]) / 24, rtol=1e-15)  # rounding
+    np.testing.assert_array_equal(without_pixel_average(line.T, np.ones_like(line.T, bool)), found.T)
+
+
+def test_pixels_outside_the_mask_have_no_say():
+    line = np.array([[1.0, 5.0, 2.0, 100.0, 7.0, 9.0, 4.0, NAN, 6.0]])
+    mask = np.array([[True, True, True, False, True, True, True, False, True]])
+    expected = line - np.array([[-7, -7, -7, 0, -7, -7, -7, 0, 0]]) / 24
+    expected[~mask] = NAN
+    np.testing.assert_allclose(without_pixel_average(line, mask), expected, rtol=1e-15)  # rounding
+
+
+def test_lone_pixels_and_pairs_keep_their_mean():
+    slope = np.random.default_rng(1).normal(size=(6, 7))
+    mask = np.zeros((6, 7), bool)
+    mask[1, 1] = mask[3, 3] = mask[3, 4] = mask[5, 0] = mask[4, 1] = True  # a pair along a row, two at a corner
+    found = without_pixel_average(slope, mask)
+    np.testing.assert_array_equal(found, np.where(mask, slope, NAN))
+
+
+def test_a_row_alone_is_corrected_along_itself():
+    slope = np.random.default_rng(2).normal(size=(3, 8))
+    mask = np.zeros((3, 8), bool)
+    mask[1] = True
+    found = without_pixel_average(slope, mask)
+    np.testing.assert_array_equal(found[1], without_pixel_average(slope[1:2], mask[1:2])[0])
+    assert (found[1] != slope[1]).all() and np.isnan(found[[0, 2]]).all()
+
+
+def test_leading_axes_are_maps_of_their_own():
+    random = np.random.default_rng(3)
+    slopes, mask = random.normal(size=(2, 4, 9, 8)), random.random((9, 8)) < 0.8
+    before = slopes.copy()
+    found = without_pixel_average(slopes, mask)
+    assert found.shape == slopes.shape
+    for k in np.ndindex(2, 4):
+        np.testing.assert_array_equal(found[k], without_pixel_average(slopes[k], mask))
+    np.testing.assert_array_equal(slopes, before)  # what was given is left alone
+    assert without_pixel_average(slopes[:0], mask).shape == (0, 4, 9, 8)  # no replicates
+
+
+def test_a_constant_and_a_tilted_plane_have_nothing_to_take_away():
+    x, y = grid(7)
+    plane = 0.3 + 2.0 * x - y
+    np.testing.assert_allclose(without_pixel_average(plane, np.ones_like(x, bool)), plane, atol=1e-14)  # rounding

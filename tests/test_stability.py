@@ -7,8 +7,12 @@ import pytest
 from lopsided import lopsided
 from oracle import tracer
 
+from irtscots_cl.centroids import centroids
 from irtscots_cl.geometry import Quadric
+from irtscots_cl.integration import integrate_slopes
+from irtscots_cl.lightcurves import Flag
 from irtscots_cl.presets import load_scene
+from irtscots_cl.stability import curves, masks
 from irtscots_cl.stability.conics import HALVES
 from irtscots_cl.stability.exact import ExactMirror
 from irtscots_cl.stability.outcome import Bench, Limit, finding
@@ -80,3 +84,58 @@ def test_a_finding_without_a_number_fails():
     assert not finding("", np.array([0.5, 1.1]), limit).passed
     assert not finding("", np.array([0.5, np.nan]), limit).passed
     assert not finding("", np.array([]), limit).passed
+
+
+# --- measurement: light curves and masks ------------------------------------------------------------------------
+
+HOST = Bench(None, "fp64")
+SHORT = [case for case in (*curves.CASES, *masks.CASES) if not case.long]
+
+
+@named(SHORT)
+def test_on_the_host(case):
+    check(case, HOST)
+
+
+@pytest.mark.slow
+@named([case for case in masks.CASES if case.long])
+def test_on_the_host_with_a_large_mask(case):
+    check(case, HOST)
+
+
+def test_both_groups_belong_to_the_suite():
+    assert set(SHORT) < set(CASES) and all(case.on_host for case in SHORT)
+
+
+def failed(case):
+    """Names of the findings that did not pass."""
+    return {part.quantity for part in case.run(HOST) if not part.passed}
+
+
+@pytest.mark.parametrize("flag", list(Flag), ids=lambda flag: flag.name)
+def test_a_light_curve_with_a_wrong_flag_is_found(monkeypatch, flag):
+    """Every curve called the same: all but those that are so are wrong."""
+    monkeypatch.setattr(curves, "flag_curves", lambda scan, *_: np.full(len(scan.pixels), flag))
+    expected = {name for name, (_, right) in curves._curves().items() if right != flag}
+    assert failed(curves.CASES[0]) == expected and len(expected) >= 8
+
+
+@pytest.mark.parametrize("error", [1e-9, np.nan])
+def test_a_wrong_centroid_is_found(monkeypatch, error):
+    monkeypatch.setattr(curves, "centroids", lambda *given: centroids(*given) + error)
+    assert "centroids of good curves" in failed(curves.CASES[0])
+
+
+BROKEN = {
+    "a height": (lambda z, mask: z + 1e-8 * (np.cumsum(mask).reshape(mask.shape) == 1), "height of each island"),
+    "a piston": (lambda z, mask: z + 1e-8, "piston of"),
+    "a number where none is known": (lambda z, mask: np.nan_to_num(z), "values outside the mask"),
+    "none where one is known": (lambda z, mask: z + np.nan, "height of each island"),
+}
+
+
+@pytest.mark.parametrize("case", [case for case in masks.CASES if not case.long], ids=lambda case: case.name)
+@pytest.mark.parametrize(("broken", "named_in"), BROKEN.values(), ids=BROKEN)
+def test_wrong_heights_on_a_mask_are_found(monkeypatch, case, broken, named_in):
+    monkeypatch.setattr(masks, "integrate_slopes", lambda *given: broken(integrate_slopes(*given), given[4]))
+    assert any(name.startswith(named_in) for name in failed(case))
