@@ -126,7 +126,7 @@ def test_kernel_prints_source_that_stands_alone(irtscots, device, estimator):
 def test_the_printed_kernel_builds_by_itself(irtscots, device):
     cl = pytest.importorskip("pyopencl")
     data = json.loads(irtscots("kernel", "off-axis", "--json", "--device", device.index)[1])
-    program = cl.Program(device.context, data["source"]).build(options=data["options"])
+    program = cl.Program(device.context, data["source"]).build(options=data["options"], cache_dir=False)
     assert [kernel.function_name for kernel in program.all_kernels()] == ["trace_adjoint"]
 
 

@@ -173,8 +173,9 @@ def test_unit_disk_is_the_polar_map(reals, precision):
     signed = words[:, 1].astype(np.int64) - 2**32 * (words[:, 1] >= 2**31)
     angle = 2 * np.pi * (2 * np.floor_divide(signed, 256) + 1) * 2.0**-25
     exact = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
-    # 1 - 2 s^2 makes four of one error of the sine: 7e-9 of the polynomial, in fp32 five roundings of 3e-8
-    tolerance = 4 * (7e-9 + {"fp32": 1.5e-7, "fp64": 0.0}[precision])
+    # 1 - 2 s^2 makes four of one error of the sine: 7e-9 of the polynomial, in fp32 five roundings of 3e-8, and one
+    # more on a device without fused multiply-add
+    tolerance = 4 * (7e-9 + {"fp32": 1.8e-7, "fp64": 0.0}[precision])
     assert np.abs(result - exact).max() < tolerance
     assert np.hypot(*result.T).max() < 1 + tolerance
 

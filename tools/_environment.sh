@@ -27,11 +27,11 @@ find_python() {
 make_venv() {
     local python
     python=$(find_python)
-    echo "creating .venv with $("$python" --version)" >&2
+    echo "creating ${venv##*/} with $("$python" --version)" >&2
     local said
     if ! said=$("$python" -m venv "$venv" 2>&1); then
         rm -rf "$venv"
-        fail "cannot create .venv: ${said##*$'\n'} (on Debian and Ubuntu: apt install python3-venv)"
+        fail "cannot create ${venv##*/}: ${said##*$'\n'} (on Debian and Ubuntu: apt install python3-venv)"
     fi
 }
 
@@ -44,13 +44,13 @@ ensure_installed() {
         [ "$wanted" = "$(cat "$venv/.installed-test" 2>/dev/null)" ]; then
         return
     fi
-    is_new_enough "$venv_python" || fail ".venv has $("$venv_python" --version), needs 3.11 or newer; delete .venv"
-    echo "installing irtscots-cl into .venv" >&2
+    is_new_enough "$venv_python" || fail "${venv##*/} has $("$venv_python" --version), needs 3.11 or newer; delete ${venv##*/}"
+    echo "installing irtscots-cl into ${venv##*/}" >&2
     log=$venv/install.log
     if ! "$venv_python" -m pip install --quiet --no-input --disable-pip-version-check \
         --editable "$root${extra:+[$extra]}" </dev/null >"$log" 2>&1; then
         cat "$log" >&2
-        fail "pip could not install the package; its messages are above and in .venv/install.log"
+        fail "pip could not install the package; its messages are above and in ${venv##*/}/install.log"
     fi
     echo "$wanted" >"$venv/.installed-${extra:-run}"
 }

@@ -67,7 +67,7 @@ def default_sweeps(device: Device, quick: bool) -> list[Sweep]:
               tuple(Point(n * n, s, round(total / pixels)) for n, s in zip(DETECTOR[quick], detectors, strict=True))),
         Sweep("cores", "cores", same,
               tuple(Point(n, sphere, round(total / pixels), n) for n in _core_counts(device)),
-              f"in processes of their own, by {', '.join(LIMITS)}"),
+              f"in processes of their own, by affinity, {', '.join(LIMITS)}"),
     ]  # fmt: skip
 
 
