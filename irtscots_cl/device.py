@@ -84,7 +84,7 @@ class Device:
         }
 
     def probe(self) -> dict[str, object]:
-        """Run tiny kernels and say what holds: rounding of sqrt and division, fma, 32-bit atomics, fp64.
+        """Run tiny kernels and say what holds: rounding of sqrt and division, 32-bit atomics, fp64.
 
         Raises DeviceError if the device cannot even run them or counts wrongly.
         """
