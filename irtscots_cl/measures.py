@@ -27,16 +27,22 @@ MEASURES = {
 }
 
 
-def check_measure(name: str) -> Measure:
-    """One of MEASURES by its name; ValueError for another."""
+def check_measure(name: str, threshold: float = 0.0) -> Measure:
+    """One of MEASURES by its name; ValueError for another, or one that cannot do with a threshold."""
     if name not in MEASURES:
         raise ValueError(f"--measure = {name!r}: must be one of {', '.join(MEASURES)}")
-    return MEASURES[name]
+    how = MEASURES[name]
+    if how.rounds and threshold > 0:
+        raise ValueError(
+            f"--threshold = {threshold}: --measure {name} needs whole light curves; must be 0, the background "
+            f"subtracted from the images, or another --measure"
+        )
+    return how
 
 
 def measure_by(name: str, stack: ImageStack, nominal: Scene, threshold: float = 0.0) -> Reconstruction:
     """The surface by one of MEASURES. Raises as `reconstruct` does, and ValueError for an unknown name."""
-    how = check_measure(name)
+    how = check_measure(name, threshold)
     result = reconstruct(
         stack,
         nominal,
@@ -45,4 +51,4 @@ def measure_by(name: str, stack: ImageStack, nominal: Scene, threshold: float = 
         pixel_average=how.pixel_average,
         threshold=threshold,
     )
-    return refine(result, stack, rounds=how.rounds, threshold=threshold) if how.rounds else result
+    return refine(result, stack, rounds=how.rounds) if how.rounds else result

@@ -22,6 +22,7 @@ from irtscots_cl.pixellight import PixelLight
 from irtscots_cl.profiles import sampled_centroids
 from irtscots_cl.reconstruction import Reconstruction, triangulated
 from irtscots_cl.scene import Scene, ZernikeTerms
+from irtscots_cl.slopes import without_pixel_average
 from irtscots_cl.zernikes import zernike
 from irtscots_cl.zonal import remove_terms, rms
 
@@ -30,16 +31,17 @@ PIXELS_PER_TERM = 8  # at least, lest the model follow the noise
 
 
 def refine(
-    result: Reconstruction, stack: ImageStack, *, rounds: int = 4, tolerance_nm: float = 1e-3, threshold: float = 0.0
+    result: Reconstruction, stack: ImageStack, *, rounds: int = 4, tolerance_nm: float = 1e-3
 ) -> Reconstruction:
     """Refine a reconstruction of the stack until a round changes less than tolerance_nm rms, at most `rounds` times.
 
     The result's updates_nm tell each round's change, piston and tilt removed. Pixels that the model has no light for
-    keep their slopes. threshold: as in the reconstruction.
+    keep their slopes. The light curves are taken whole: the centroid of a curve that is cut off at a threshold jumps
+    as the light moves, and rounds of refinement would not converge.
     """
     fit = _fit(result)
     for _ in range(rounds):
-        refined = _round(result, stack, fit, threshold)
+        refined = _round(result, stack, fit)
         change = remove_terms(
             result.x_mm, result.y_mm, refined.deviation_mm - result.deviation_mm, result.mask, "piston_tilt"
         )
@@ -71,7 +73,7 @@ def modelled(result: Reconstruction, fit: np.ndarray) -> Scene:
     return dataclasses.replace(result.nominal, mirror=dataclasses.replace(mirror, zernike=(terms,)))
 
 
-def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray, threshold: float) -> Reconstruction:
+def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray) -> Reconstruction:
     """One round: the model's light curves, and the surface that explains the measured ones."""
     scene, mask = modelled(result, fit), result.mask
     calibration = Calibration(scene)
@@ -84,7 +86,7 @@ def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray, threshold
         on_grid.ravel()[pixels] = mean
         differ = np.full((1 + len(result.jackknife_slope_x), mask.size), np.nan)
         curves = scan.jackknife_w()
-        differ[:, scan.pixels] = centroids(scan, curves, threshold) - sampled_centroids(scan, light, threshold)
+        differ[:, scan.pixels] = centroids(scan, curves) - sampled_centroids(scan, light)
         residual.append(differ.reshape(-1, *mask.shape))
     surface = calibration.surface
     height = surface.sag(result.x_mm, result.y_mm)
@@ -92,12 +94,18 @@ def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray, threshold
     moved = triangulated(
         calibration, result.x_mm, result.y_mm, height, *(m + r for m, r in zip(model, residual, strict=True))
     )
-    extra = [np.where(mask & np.isfinite(m), m - s, 0.0) for m, s in zip(moved, model_slopes, strict=True)]
-    extra = [np.where(mask, e, np.nan) for e in extra]
+    own = surface.gradient(result.x_mm, result.y_mm)
+    extra = []
+    for axis, there, model_slope, gradient in zip("xy", moved, model_slopes, own, strict=True):
+        differ = there - model_slope
+        if not result.pixel_average:
+            differ = without_pixel_average(differ, mask)
+        kept = result.estimates(f"slope_{axis}") - gradient  # where the model has no light
+        extra.append(np.where(np.isfinite(differ), differ, kept))
     differ = integrate_slopes(result.x_mm, result.y_mm, *extra, mask, result.method)
     deviation = surface.deviation_at(result.x_mm, result.y_mm)[0] + differ
     deviation = deviation - np.nanmean(deviation, axis=(1, 2), keepdims=True)
-    slopes = [own + e for own, e in zip(surface.gradient(result.x_mm, result.y_mm), extra, strict=True)]
+    slopes = [gradient + e for gradient, e in zip(own, extra, strict=True)]
     design = Calibration(result.nominal).surface.sag(result.x_mm, result.y_mm)
     return dataclasses.replace(
         result,

@@ -62,7 +62,7 @@ def _execute(options: argparse.Namespace) -> int:
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder)
     how = options.measure or DEFAULTS["measure"]
-    check_measure(how)
+    check_measure(how, options.threshold)
     if (folder / "result.h5").resolve() == options.images.resolve():
         raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
     images = read_images(options.images).saturating_at(options.saturation)
