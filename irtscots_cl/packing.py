@@ -23,7 +23,7 @@ from irtscots_cl.interface import (
     zernike_power_dtype,
     zernike_term_dtype,
 )
-from irtscots_cl.pixellight import PixelLight
+from irtscots_cl.pixellight import pixel_light
 from irtscots_cl.surface import Surface
 from irtscots_cl.zernikes import PowerRows, RadialSeries, power_rows
 
@@ -202,17 +202,15 @@ def line_receivers(calibration: Calibration, slots: np.ndarray, origins: np.ndar
     real = PRECISIONS[precision]
     out = np.zeros(len(slots), line_receiver_dtype(real))
     out["start"] = receivers(calibration, slots, origins, precision)
-    light = PixelLight.of(calibration, slots)
+    light = pixel_light(calibration.scene)  # of all pixels that see the mirror; slots are some of these
+    index = np.searchsorted(light.pixels, slots)
     radius, pitch = calibration.scene.camera.aperture_diameter_mm / 2, calibration.scene.screen.pitch_mm
     for k, output in enumerate("uv"):
         chord = light.chord(output)
-        out["chords"]["normal_a"][:, k], out["chords"]["normal_b"][:, k] = chord.normal
-        out["chords"]["slope"][:, k], out["chords"]["bend"][:, k] = (
-            chord.slope / pitch / radius,
-            chord.bend / pitch / radius**2,
-        )
-        out["chords"]["growth"][:, k] = chord.growth / radius
-        out["chords"]["mirror_x"][:, k], out["chords"]["mirror_y"][:, k] = chord.mirror / radius
+        values = (*chord.normal, chord.slope / pitch / radius, chord.bend / pitch / radius**2, chord.growth / radius,
+                  *(chord.mirror / radius))  # fmt: skip
+        for name, value in zip(out["chords"].dtype.names, values, strict=True):
+            out["chords"][name][:, k] = value[index]
     return out
 
 

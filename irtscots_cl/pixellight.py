@@ -23,7 +23,7 @@ MAX_BEND = 0.02  # of the same: beyond it the first order in Q is wrong by more 
 MAX_PUSH = 0.02  # of a pixel: how far the rim may move aside over the aperture, to first order
 CELL_SIZE = 0.2  # of the aperture image's radius: half of what a box's own image may cover
 POINT_STEP = 0.015  # of the same, between Gauss points on the rim
-CHUNK = 2**15  # cells worked on at a time, for the memory
+CHUNK = 2**12  # cells worked on at a time: what they take stays in the cache
 MIN_HALF_BOX = 1e-3  # of the same: narrower ones would lose digits in a difference
 
 
