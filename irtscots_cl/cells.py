@@ -51,7 +51,7 @@ def whole_cells(pixel: np.ndarray, along_s: int, along_t: int) -> Cells:
 
 
 def cut_cells(maps: PixelMap, pixel: np.ndarray, radius_mm: float, along: tuple[int, int], across: tuple) -> Cells:
-    """Cells of the parts of pixels [k] whose mirror points lie within radius_mm of the axis.
+    """Cells of the parts of pixels [k] whose mirror points lie within radius_mm of the axis; none of no pixels.
 
     Such a cell is an interval along s or t, whichever the rim crosses more steeply, at a Gauss point of the other.
     along: intervals from side to rim, along s and along t. across: Gauss points, along s and along t.
@@ -63,7 +63,7 @@ def cut_cells(maps: PixelMap, pixel: np.ndarray, radius_mm: float, along: tuple[
     for k, mask in enumerate((steep_s, ~steep_s)):
         if mask.any():
             parts.append(_cut_along(chosen.part(mask), pixel[mask], "st"[k], radius_mm, along[k], across[1 - k]))
-    return join(parts)
+    return join(parts or [whole_cells(pixel, 1, 1)])
 
 
 def join(parts: list[Cells]) -> Cells:

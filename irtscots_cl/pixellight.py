@@ -21,9 +21,11 @@ from irtscots_cl.scene import Scene
 MAX_RESIDUAL = 2e-3  # of the aperture image's radius: what a map's quadratic may leave
 MAX_BEND = 0.02  # of the same: beyond it the first order in Q is wrong by more than 4e-4
 MAX_PUSH = 0.02  # of a pixel: how far the rim may move aside over the aperture, to first order
+MAX_DIAGONAL = 1.0  # of a pixel on the mirror, over the radius of a rim or hole that crosses it in one direction
 CELL_SIZE = 0.2  # of the aperture image's radius: half of what a box's own image may cover
 POINT_STEP = 0.015  # of the same, between Gauss points on the rim
 CHUNK = 2**12  # cells worked on at a time: what they take stays in the cache
+ROUNDING = 1e-12  # of a pixel: what a difference of parts leaves of nothing
 MIN_HALF_BOX = 1e-3  # of the same: narrower ones would lose digits in a difference
 
 
@@ -102,16 +104,23 @@ class PixelLight:
         count = [int(np.clip(np.ceil(b / CELL_SIZE), 1, 16)) for b in box]
         points = [int(np.clip(np.ceil(b / POINT_STEP), 8, 64)) for b in box]
 
-        def within(radius_mm: float) -> Cells:
-            farthest, nearest = maps.corner_radius.max(1), maps.corner_radius.min(1)
-            diagonal = 2 * np.hypot(maps.term("x", "s"), maps.term("y", "t"))
-            whole = np.flatnonzero(farthest <= radius_mm)
-            cut = np.flatnonzero((farthest > radius_mm) & (nearest <= radius_mm + diagonal))
-            parts = [whole_cells(whole, *count)] if whole.size else []
-            return join(parts + ([cut_cells(maps, cut, radius_mm, count, points)] if cut.size else []))
+        farthest = maps.corner_radius.max(1)
+        in_hole = farthest <= surface.obscuration_radius_mm
+        rim, hole = (self._crossed(radius) for radius in (surface.aperture_radius_mm, surface.obscuration_radius_mm))
+        whole = (farthest <= surface.aperture_radius_mm) & ~in_hole
+        cells = join([
+            whole_cells(np.flatnonzero(whole), *count),
+            cut_cells(maps, np.flatnonzero(rim & ~in_hole), surface.aperture_radius_mm, count, points),
+        ])  # fmt: skip
+        return without(cells, cut_cells(maps, np.flatnonzero(hole), surface.obscuration_radius_mm, count, points))
 
-        cells = within(surface.aperture_radius_mm)
-        return without(cells, within(surface.obscuration_radius_mm)) if surface.obscuration_radius_mm > 0 else cells
+    def _crossed(self, radius_mm: float) -> np.ndarray:
+        """Pixels [n] that the circle of the rim or the hole may cross; none for a hole of no size."""
+        farthest, nearest = self.maps.corner_radius.max(1), self.maps.corner_radius.min(1)
+        return (farthest > radius_mm) & (nearest <= radius_mm + self._diagonal()) & (radius_mm > 0)
+
+    def _diagonal(self) -> np.ndarray:
+        return 2 * np.hypot(self.maps.term("x", "s"), self.maps.term("y", "t"))
 
     def weight(self, s: np.ndarray, t: np.ndarray, pixel: np.ndarray) -> tuple[np.ndarray, ...]:
         """cos^4 at cells' centres, and its relative growth per unit of s, t, a, b."""
@@ -129,8 +138,11 @@ class PixelLight:
         maps = self.maps
         footprint = np.hypot(maps.term("x", "s"), maps.term("y", "t"))
         push = np.hypot(self.spread("x", ("a", "b")), self.spread("y", ("a", "b")))
+        surface = self.calibration.surface
         with np.errstate(invalid="ignore", divide="ignore"):
             good = push <= MAX_PUSH * footprint
+            for radius_mm in (surface.aperture_radius_mm, surface.obscuration_radius_mm):
+                good &= ~self._crossed(radius_mm) | (self._diagonal() <= MAX_DIAGONAL * radius_mm)
             for k, output in enumerate("uv"):
                 radius = self.spread(output, ("a", "b"))
                 bend = np.abs([maps.term(output, m) for m in ("aa", "ab", "bb")]).max(0)
@@ -138,9 +150,23 @@ class PixelLight:
         return good
 
     def extent(self, output: str) -> tuple[np.ndarray, np.ndarray]:
-        """Centre [n] of the pixels' light on the screen and how far it reaches from there, along "u" or "v", in mm."""
-        pixel = sum(np.abs(self.maps.term(output, name)) for name in ("s", "t", "ss", "st", "tt"))
-        return self.maps.term(output), pixel + 1.01 * self.spread(output, ("a", "b"))
+        """Middle [n] of the pixels' light on the screen and how far it reaches from there, along "u" or "v", in mm.
+
+        Of the part that sees the mirror; NaN or not finite where there is none.
+        """
+        cells = self.cells(output)
+        maps = self.maps.part(cells.pixel)
+        half = sum(
+            np.abs(maps.gradient(output, along, cells.s, cells.t)) * length
+            + np.abs(maps.term(output, 2 * along)) * length**2
+            for along, length in (("s", cells.half_s), ("t", cells.half_t))
+        )
+        centre = maps.centre(output, cells.s, cells.t)
+        low, high = np.full(len(self.pixels), np.inf), np.full(len(self.pixels), -np.inf)
+        np.minimum.at(low, cells.pixel, centre - half)
+        np.maximum.at(high, cells.pixel, centre + half)
+        with np.errstate(invalid="ignore"):
+            return (low + high) / 2, (high - low) / 2 + 1.01 * self.spread(output, ("a", "b"))
 
     def means(self, outputs: str) -> np.ndarray:
         """Means [outputs, n] in mm over each pixel's light, of "u", "v", "x", "y"; NaN without any.
@@ -160,7 +186,7 @@ class PixelLight:
         centre, *_ = self._box(output, maps, cells, by_s, by_t)
         centre = centre + (maps.term(output, "aa") + maps.term(output, "bb") + by_a * p + by_b * q) / 4
         pushed = (cells.push[0] * p + cells.push[1] * q) / 4
-        total = cells.sum(weight * cells.weight, len(self.pixels))
+        total = np.where(self.coverage() > 0, cells.sum(weight * cells.weight, len(self.pixels)), np.nan)
         with np.errstate(invalid="ignore", divide="ignore"):
             return cells.sum(weight * (cells.weight * centre + pushed), len(self.pixels)) / total
 
@@ -180,7 +206,8 @@ class PixelLight:
     def coverage(self) -> np.ndarray:
         """Share [n] of each pixel's footprint that lies on the mirror."""
         cells = self.cells("u")
-        return cells.sum(cells.weight, len(self.pixels))
+        share = cells.sum(cells.weight, len(self.pixels))
+        return np.where(share > ROUNDING, share, 0.0)
 
     def light(self, output: str, edges_mm: np.ndarray) -> np.ndarray:
         """Shares [n, lines] of the pixels' areas times cos^4 between neighbouring edges_mm [n, lines + 1] of u or v."""

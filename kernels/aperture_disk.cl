@@ -1,17 +1,19 @@
 // Mirror aperture: a disk about the z axis. Unit: mm.
-#include "simd_*.cl"
+#include "circle.cl"
 
 INLINE maskv aperture_contains(__constant Mirror *mirror, vec3v point) {
     return point.x * point.x + point.y * point.y <= mirror->aperture_radius2;
 }
 
-// Cuts the interval [low, high] of a parameter to where a point that moves by (by_x, by_y) per unit of it stays inside; to
-// first order, for intervals that are short beside the mirror. An interval that is all outside ends where it begins.
+// Cuts the interval [low, high] of a parameter to where a point that moves by (by_x, by_y) per unit of it stays inside. An
+// interval that is all outside ends where it begins.
 INLINE void aperture_clip(__constant Mirror *mirror, vec3v point, real by_x, real by_y, realv *low, realv *high) {
     const realv room = mirror->aperture_radius2 - point.x * point.x - point.y * point.y;
-    const realv growth = 2 * (point.x * by_x + point.y * by_y), bound = room / growth;
-    *high = ((growth > 0) & (bound < *high)) ? bound : *high;
-    *low = ((growth < 0) & (bound > *low)) ? bound : *low;
+    const realv growth = point.x * by_x + point.y * by_y;
+    const Crossing rim = circle_crossing(growth, by_x * by_x + by_y * by_y, room);
+    const realv enters = growth > 0 ? rim.far : rim.near, leaves = growth > 0 ? rim.near : rim.far;
+    *high = ((growth != 0) & (leaves < *high)) ? leaves : *high;
+    *low = ((growth != 0) & (enters > *low)) ? enters : *low;
     *high = ((growth == 0) & (room < 0)) ? *low : *high;
     *high = *high > *low ? *high : *low;
 }
