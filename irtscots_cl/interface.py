@@ -80,8 +80,9 @@ def receiver_dtype(real) -> np.dtype:
 def chord_dtype(real) -> np.dtype:
     """How a detector pixel's light moves along one axis of the screen as it moves over the camera's aperture.
 
-    normal_a, normal_b: unit direction on the aperture along which the landing point moves fastest; slope, bend: lines
-    per mm and per mm^2 along it; growth: relative, of cos^4 per mm; mirror_x, mirror_y: the mirror point's move per mm.
+    normal_a, normal_b: unit direction on the aperture along which the landing point moves along that axis alone; slope,
+    bend: lines per mm and per mm^2 along it; growth: relative, of cos^4 per mm; mirror_x, mirror_y: the mirror point's
+    move per mm.
     """
     names = ("normal_a", "normal_b", "slope", "bend", "growth", "mirror_x", "mirror_y")
     return np.dtype([(name, real) for name in names], align=True)

@@ -18,8 +18,8 @@ class TraceOptions:
 
     estimator: "forward", "adjoint" or "analytic". sampler: a name of samplers.SAMPLERS. precision: "fp32" or "fp64".
     seed: 64 bits. overfill: forward only, solid angle of the emission over the least that covers the mirror. smoothing:
-    adjoint only, every ray stands for its whole chord through the camera's aperture (kernels/trace_lines.cl). Pixels
-    whose light the screen's other edge cuts off are then told only roughly; the measurement refuses them anyhow.
+    adjoint only, every ray stands for its whole chord through the camera's aperture (kernels/trace_lines.cl);
+    a central hole must be wider than the aperture's blur on the mirror, or its rim is told only roughly.
     """
 
     estimator: str = "adjoint"

@@ -59,9 +59,10 @@ def chord_integrals(tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 class Chord:
     """What n pixels' light does along one axis of the screen as it moves over the aperture, at the pixels' centres.
 
-    normal: [2, n] unit direction on the aperture along which the landing point moves fastest. Along it, per radius of
-    the aperture: slope, bend: [n] linear and quadratic term of the landing point [mm]; growth: [n] of cos^4, relative;
-    mirror: [2, n] of the mirror point [mm].
+    normal: [2, n] unit direction on the aperture along which the landing point moves along that axis of the screen
+    alone, so that the screen's other edges cut all of a chord or nothing. Along it, per radius of the aperture:
+    slope, bend: [n] linear and quadratic term of the landing point [mm]; growth: [n] of cos^4, relative; mirror: [2, n]
+    of the mirror point [mm].
     """
 
     normal: np.ndarray
@@ -195,9 +196,14 @@ class PixelLight:
         term, zero = self.maps.term, np.zeros(len(self.pixels))
         _, _, _, by_a, by_b = self.weight(zero, zero, np.arange(len(zero)))
         p, q = term(output, "a"), term(output, "b")
-        slope = np.hypot(p, q)
+        other = {"u": "v", "v": "u"}[output]
+        a, b = term(other, "b"), -term(other, "a")  # along it the other coordinate stays
+        still = a * a + b * b == 0
+        a, b = np.where(still, p, a), np.where(still, q, b)
+        length = np.copysign(np.hypot(a, b), p * a + q * b)
         with np.errstate(invalid="ignore", divide="ignore"):
-            a, b = np.nan_to_num(p / slope), np.nan_to_num(q / slope)
+            a, b = np.nan_to_num(a / length), np.nan_to_num(b / length)
+        slope = p * a + q * b
         bend = term(output, "aa") * a * a + term(output, "ab") * a * b + term(output, "bb") * b * b
         mirror = np.stack([term(axis, "a") * a + term(axis, "b") * b for axis in "xy"])
         values = [slope, bend, by_a * a + by_b * b, mirror]

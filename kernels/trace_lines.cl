@@ -1,7 +1,7 @@
 // Smoothed adjoint estimator: a ray stands for its whole chord through the camera's aperture, which lands on the screen
 // as a short straight piece, and is summed by lines in closed form: light curves with far less noise, and no map.
 //
-// Along x the chord follows the direction on the aperture in which the landing point moves most along the screen's x, and
+// Along x the chord follows the direction on the aperture in which the landing point moves along the screen's x alone, and
 // along y likewise: two chords through the ray's aperture point, one for each scan. Conditional on its chord a ray's point
 // is uniform along it, so summing the chord instead of the point leaves every mean as it is.
 #include "path_adjoint.cl"
