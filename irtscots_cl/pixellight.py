@@ -123,8 +123,8 @@ class PixelLight:
     def _diagonal(self) -> np.ndarray:
         return 2 * np.hypot(self.maps.term("x", "s"), self.maps.term("y", "t"))
 
-    def weight(self, s: np.ndarray, t: np.ndarray, pixel: np.ndarray) -> tuple[np.ndarray, ...]:
-        """cos^4 at cells' centres, and its relative growth per unit of s, t, a, b."""
+    def weight(self, s: np.ndarray, t: np.ndarray, pixel: np.ndarray, half_s=0.0, half_t=0.0) -> tuple[np.ndarray, ...]:
+        """Mean of cos^4 over cells of these centres and half-lengths, its relative growth per unit of s, t, a, b."""
         camera = self.calibration.scene.camera
         distance, pitch = camera.image_distance_mm, camera.detector.pitch_mm
         x, y = self.calibration.image_point(self.maps.row[pixel] + t / 2, self.maps.column[pixel] + s / 2)
@@ -132,7 +132,9 @@ class PixelLight:
         cosine2 = 1 / (1 + slope_x**2 + slope_y**2)
         by_x, by_y = -4 * slope_x * cosine2, -4 * slope_y * cosine2
         step, reach = pitch / 2 / distance, camera.aperture_diameter_mm / 2 / camera.focus_mm
-        return cosine2**2, -by_x * step, -by_y * step, by_x * reach, by_y * reach
+        bend_x, bend_y = (24 * slope**2 * cosine2**2 - 4 * cosine2 for slope in (slope_x, slope_y))
+        mean = 1 + step**2 * (bend_x * half_s**2 + bend_y * half_t**2) / 6
+        return cosine2**2 * mean, -by_x * step, -by_y * step, by_x * reach, by_y * reach
 
     def valid(self) -> np.ndarray:
         """Whether each pixel's light is given by the closed form; NaN in a map says no."""
@@ -182,9 +184,9 @@ class PixelLight:
     def _mean(self, output: str) -> np.ndarray:
         cells = self.cells({"x": "u", "y": "v"}.get(output, output))
         s, t, maps = cells.s, cells.t, self.maps.part(cells.pixel)
-        weight, by_s, by_t, by_a, by_b = self.weight(s, t, cells.pixel)
+        weight, by_s, by_t, by_a, by_b = self.weight(s, t, cells.pixel, cells.half_s, cells.half_t)
         p, q = maps.gradient(output, "a", s, t), maps.gradient(output, "b", s, t)
-        centre, *_ = self._box(output, maps, cells, by_s, by_t)
+        centre = self._centre(output, maps, cells, by_s, by_t)
         centre = centre + (maps.term(output, "aa") + maps.term(output, "bb") + by_a * p + by_b * q) / 4
         pushed = (cells.push[0] * p + cells.push[1] * q) / 4
         total = np.where(self.coverage() > 0, cells.sum(weight * cells.weight, len(self.pixels)), np.nan)
@@ -228,37 +230,40 @@ class PixelLight:
         """Shares [m, edges] of the cells' light that land below the edges [m, edges]."""
         s, t = cells.s, cells.t
         maps = self.maps.part(cells.pixel)
-        weight, by_s, by_t, by_a, by_b = self.weight(s, t, cells.pixel)
+        weight, by_s, by_t, by_a, by_b = self.weight(s, t, cells.pixel, cells.half_s, cells.half_t)
         p, q = maps.gradient(output, "a", s, t), maps.gradient(output, "b", s, t)
         radius = np.hypot(p, q)
         n_a, n_b = p / radius, q / radius
         aa, ab, bb = (maps.term(output, name) for name in ("aa", "ab", "bb"))
         bend_n = (aa * n_a**2 + ab * n_a * n_b + bb * n_b**2) / radius  # Q along the chord's normal, and along it
         bend_t = (aa * n_b**2 - ab * n_a * n_b + bb * n_a**2) / radius
-        centre, half_s, half_t = self._box(output, maps, cells, by_s, by_t)
-        half_s, half_t = (np.maximum(half / radius, MIN_HALF_BOX)[:, None] for half in (half_s, half_t))
+        tau = (edges_mm - self._centre(output, maps, cells, by_s, by_t)[:, None]) / radius[:, None]
+        inside, halves = np.clip(tau, -1.0, 1.0), []
+        for half, along in ((cells.half_s, "s"), (cells.half_t, "t")):  # a box's image changes over the aperture
+            slope = maps.gradient(output, along, s, t)
+            turn = maps.term(output, along + "a") * n_a + maps.term(output, along + "b") * n_b
+            image = np.abs(slope[:, None] + turn[:, None] * inside) * (half / radius)[:, None]
+            halves.append(np.maximum(image, MIN_HALF_BOX))
+        half_s, half_t = halves
         mass = weight * cells.weight
         growth = mass * (by_a * n_a + by_b * n_b) + weight * (cells.push[0] * n_a + cells.push[1] * n_b)
         factors = (mass, -mass * bend_n / np.pi, -(2 / 3) * (mass * bend_t + growth) / np.pi)
-        tau = (edges_mm - centre[:, None]) / radius[:, None]
         below = 0.0
         for sign, shift in ((1, half_s + half_t), (-1, half_s - half_t), (-1, half_t - half_s), (1, -half_s - half_t)):
             parts = chord_integrals(tau + shift)
             below = below + sign * sum(f[:, None] * part for f, part in zip(factors, parts, strict=True))
         return below / (4 * half_s * half_t)
 
-    def _box(self, output: str, maps: PixelMap, cells: Cells, by_s, by_t) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Centre [m] of the cells' own images along u or v, and half-widths along it of their two edges, in mm.
+    def _centre(self, output: str, maps: PixelMap, cells: Cells, by_s, by_t) -> np.ndarray:
+        """Centre [m] of the light of the cells' own images along u or v, in mm.
 
-        The centre is that of the light: shifted by the image's curvature over the cell and by the weight's growth.
+        Shifted from the image of the cell's centre by the image's curvature over the cell and by the weight's growth.
         """
-        s, t = cells.s, cells.t
-        centre, halves = maps.centre(output, s, t), []
+        centre = maps.centre(output, cells.s, cells.t)
         for half, along, growth in ((cells.half_s, "s", by_s), (cells.half_t, "t", by_t)):
-            slope = maps.gradient(output, along, s, t)
+            slope = maps.gradient(output, along, cells.s, cells.t)
             centre = centre + (maps.term(output, 2 * along) + growth * slope) * half**2 / 3
-            halves.append(np.abs(slope) * half)
-        return centre, *halves
+        return centre
 
 
 @lru_cache(maxsize=4)

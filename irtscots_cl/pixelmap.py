@@ -3,8 +3,8 @@
 A ray that enters the camera is told by its point on the pixel and its point on the aperture. Where it lands on the
 screen and where it met the mirror are smooth functions of these four numbers; over one pixel a quadratic does. It is
 fitted to float64 rays, as the projection onto quadratics: its points have the second moments of a uniform pixel and
-aperture, so that what third-order terms do on average is kept. The estimators that integrate light in closed form build
-on it.
+aperture, so that what third-order terms of the aperture alone do on average is kept. The estimators that integrate
+light in closed form build on it.
 """
 
 from __future__ import annotations
