@@ -289,10 +289,11 @@ def test_light_is_that_of_many_rays(pixel, output):
     expected = np.diff(rays[output].below(output, edges))
     peak = expected.max()
     assert (expected > 0.05 * peak).sum() >= 2 and (expected[[0, -1]] == 0).all()  # a light curve, whole
-    # 1.9e-5 where an edge lies on the end of the aperture's image: the pixel's own image changes a little across it
-    assert np.abs(found - expected).max() < 2.5e-5 * peak
+    # 6.5e-6 measured at worst; where the rays' own noise is 1e-5, of pixels whose light is wide, 1.7e-5
+    coarse = light.calibration.scene.name in ("off-axis", "lopsided")
+    assert np.abs(found - expected).max() < (2e-5 if coarse else 1e-5) * peak
     lit = expected > 1e-4 * peak
-    assert np.sqrt(np.mean((found - expected)[lit] ** 2)) < 1.2e-5 * peak  # the same over the light curve: 1.1e-5
+    assert np.sqrt(np.mean((found - expected)[lit] ** 2)) < (1.2e-5 if coarse else 5e-6) * peak  # over the light curve
 
 
 def test_all_light_is_the_pixel_s(pixel):
