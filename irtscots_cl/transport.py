@@ -17,8 +17,24 @@ from irtscots_cl.scene import Scene
 from irtscots_cl.windows import Windows
 
 
+class _Traced:
+    """What the results of all estimators have in common."""
+
+    @property
+    def rays_total(self) -> int:
+        return self.ledger["launched"]
+
+    @property
+    def replicates(self) -> int:
+        return len(self.rays)
+
+    def images(self, pattern):
+        """The images under a pattern (patterns.LineScan), without new rays."""
+        return pattern.images(self)
+
+
 @dataclass(frozen=True)
-class Transport:
+class Transport(_Traced):
     """Result of a trace. n: detector pixels that can see the mirror; windows are [rows, columns] of screen pixels.
 
     options: that it was made with. device: Device.describe() of where.
@@ -37,14 +53,6 @@ class Transport:
     rays: np.ndarray
     ledger: dict[str, int]
     seconds: dict[str, float]
-
-    @property
-    def rays_total(self) -> int:
-        return self.ledger["launched"]
-
-    @property
-    def replicates(self) -> int:
-        return len(self.rays)
 
     def flux_w(self, replicate: int | None = None) -> np.ndarray:
         """Flux [n, window rows, window columns] in W of one replicate, or the mean over all rays."""
@@ -71,10 +79,6 @@ class Transport:
         factor = 1.0 if brightness is None else self.windows.gather(brightness)
         return np.stack([(self.flux_w(r) * factor).sum(summed) for r in range(self.replicates)])
 
-    def images(self, pattern):
-        """The images under a pattern (patterns.LineScan), without new rays."""
-        return pattern.images(self)
-
     def standard_error_w(self) -> np.ndarray:
         """Standard error of flux_w() per bin, from the scatter of the replicates; NaN with fewer than two."""
         if self.replicates < 2:
@@ -86,7 +90,7 @@ class Transport:
 
 
 @dataclass(frozen=True)
-class LineLight:
+class LineLight(_Traced):
     """Light curves of a trace that has no map of transport: of the analytic and of the smoothed estimators.
 
     flux_w: {"x", "y"}: [replicates, n, window columns or rows]. The rest as in Transport.
@@ -101,14 +105,6 @@ class LineLight:
     ledger: dict[str, int]
     seconds: dict[str, float]
 
-    @property
-    def rays_total(self) -> int:
-        return self.ledger["launched"]
-
-    @property
-    def replicates(self) -> int:
-        return len(self.rays)
-
     def hits(self) -> np.ndarray:
         """As many independent rays as would have the same noise, [n]: infinite without noise; NaN of smoothed rays."""
         return np.full(len(self.windows.pixels), np.inf if self.options.estimator == ANALYTIC else np.nan)
@@ -121,10 +117,6 @@ class LineLight:
                 "must be None, or trace by adjoint or forward"
             )
         return self.flux_w[axis]
-
-    def images(self, pattern):
-        """The images under a pattern (patterns.LineScan)."""
-        return pattern.images(self)
 
 
 def line_flux(counts: np.ndarray, windows: Windows, unit_w: np.ndarray, rays: np.ndarray) -> dict[str, np.ndarray]:
