@@ -99,8 +99,9 @@ def mean_of(labels, difference, variance, least):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("smoothing", "rays"), [SMOOTHED, PLAIN], ids=["smoothed", "plain"])
-@pytest.mark.parametrize("name", preset_names())
+@pytest.mark.parametrize(
+    ("name", "smoothing", "rays"), [("sphere-deviated", *PLAIN), *((name, *SMOOTHED) for name in preset_names())]
+)
 def test_light_curves_are_those_of_many_rays(device, name, smoothing, rays):
     """By place in the light curve, over all pixels: no line gets more or less light than it should."""
     if not device.has_fp64:

@@ -246,7 +246,7 @@ def test_images_alone_are_measured_as_a_simulation_s(how, tmp_path):
     assert facts["measure"] == how
     for key in ("refinement_updates_nm", "pixels_used", "light_curves_refused", "scene"):
         assert facts[key] == run.report[key]
-    assert len(facts["refinement_updates_nm"]) == {"paper": 0, "fine": 0, "refined": 4}[how]
+    assert len(facts["refinement_updates_nm"]) in ((2, 3, 4) if how == "refined" else (0,))  # until it changes nothing
     assert list(facts["deviation_nm_rms"]) == ["piston", "piston_tilt", "piston_tilt_power"]
 
 
