@@ -80,13 +80,11 @@ def _stages(result: Reconstruction, free: Reconstruction, scene: Scene, surface:
     """Slope maps [2, rows, columns] of the stages' errors, of a result that was not refined."""
     design, x, y = calibrate(scene.nominal()), result.x_mm, result.y_mm
     true_height = surface.sag(x, y)
+    own = np.stack(triangulated(design, x, y, design.surface.sag(x, y), *design_points(design)[2:]))
 
     def measured(z_mm, u_mm, v_mm) -> np.ndarray:  # what the measurement makes of centroids, given the height
-        slopes = np.stack(triangulated(design, x, y, z_mm, u_mm, v_mm))
-        own = np.stack(triangulated(design, x, y, design.surface.sag(x, y), *landing))
-        return _averaged(result, slopes - own)
+        return _averaged(result, np.stack(triangulated(design, x, y, z_mm, u_mm, v_mm)) - own)
 
-    landing = design_points(design)[2:]
     light = pixel_light(scene)
     means = np.full((2, result.mask.size), np.nan)
     means[:, light.pixels] = light.means("uv")

@@ -14,7 +14,7 @@ import dataclasses
 import numpy as np
 from scipy.linalg import pinvh
 
-from irtscots_cl.calibration import Calibration
+from irtscots_cl.calibration import Calibration, calibrate
 from irtscots_cl.centroids import centroids
 from irtscots_cl.images import ImageStack
 from irtscots_cl.integration import integrate_slopes
@@ -106,7 +106,7 @@ def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray) -> Recons
     deviation = surface.deviation_at(result.x_mm, result.y_mm)[0] + differ
     deviation = deviation - np.nanmean(deviation, axis=(1, 2), keepdims=True)
     slopes = [gradient + e for gradient, e in zip(own, extra, strict=True)]
-    design = Calibration(result.nominal).surface.sag(result.x_mm, result.y_mm)
+    design = calibrate(result.nominal).surface.sag(result.x_mm, result.y_mm)
     return dataclasses.replace(
         result,
         slope_x=slopes[0][0],

@@ -10,13 +10,14 @@ import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product
+from functools import lru_cache
 
 import numpy as np
 
 from irtscots_cl.comparison import compare
 from irtscots_cl.device import Device
 from irtscots_cl.errorparts import rounding_height_nm
+from irtscots_cl.images import ImageStack
 from irtscots_cl.measures import MEASURES, measure_by
 from irtscots_cl.options import ANALYTIC, TraceOptions
 from irtscots_cl.patterns import LineScan
@@ -99,14 +100,19 @@ def _ways(device: Device, fixed: dict) -> list[TraceOptions]:
     """The ways to trace that are looked at: smoothed Sobol rays unless something else was fixed."""
     estimator = fixed.get("estimator", "adjoint")
     precisions = [fixed["precision"]] if "precision" in fixed else ["fp32", "fp64"][: 1 + device.has_fp64]
-    smoothing = fixed.get("smoothing", estimator == "adjoint")
-    return [TraceOptions(estimator, sampler, precision, smoothing=smoothing)
-            for sampler, precision in product([fixed.get("sampler", "sobol")], precisions)]  # fmt: skip
+    sampler, smoothing = fixed.get("sampler", "sobol"), fixed.get("smoothing", estimator == "adjoint")
+    return [TraceOptions(estimator, sampler, precision, smoothing=smoothing) for precision in precisions]
+
+
+@lru_cache(maxsize=1)
+def _noise_free(scene: Scene) -> ImageStack:
+    """Images in closed form, the same for all measures."""
+    return LineScan(scene).images(trace(scene, estimator=ANALYTIC))
 
 
 def _floor(scene: Scene, measure: str) -> tuple[float, float]:
     """Height error in nm of a measure on images without noise, and its seconds."""
-    stack = LineScan(scene).images(trace(scene, estimator=ANALYTIC))
+    stack = _noise_free(scene)
     started = time.perf_counter()
     result = measure_by(measure, stack, scene.nominal())
     seconds = time.perf_counter() - started
@@ -116,23 +122,22 @@ def _floor(scene: Scene, measure: str) -> tuple[float, float]:
 def _pilot(scene: Scene, device: Device, way: TraceOptions, measures: list[str]) -> _Noise:
     """Two small runs: the noise that the larger one has under each measure, and how it fell from the smaller."""
     simple = {name: "fine" if name == "refined" else name for name in measures}  # refinement leaves noise as it is
+    few, many = PILOT_RAYS[way.estimator]
     heights = []
-    for rays in PILOT_RAYS[way.estimator]:
+    for rays in (few, many):
         run = trace(scene, device=device, estimator=way.estimator, sampler=way.sampler, precision=way.precision,
                     smoothing=way.smoothing, rays_per_pixel=rays, replicates=REPLICATES)  # fmt: skip
         stack = run.images(LineScan(scene))
-        results = {name: measure_by(name, stack, scene.nominal()) for name in set(simple.values())}
+        results = {name: measure_by(name, stack, scene.nominal()) for name in dict.fromkeys(simple.values())}
         heights.append({name: predict_error(r, stack).ray_noise_height_mm * 1e6 for name, r in results.items()})
     any_measure = next(iter(results))
-    fell = np.log(heights[1][any_measure] / heights[0][any_measure]) / np.log(
-        PILOT_RAYS[way.estimator][1] / PILOT_RAYS[way.estimator][0]
-    )
+    fell = np.log(heights[1][any_measure] / heights[0][any_measure]) / np.log(many / few)
     return _Noise(
-        PILOT_RAYS[way.estimator][1],
+        many,
         {name: heights[1][simple[name]] for name in measures},
         float(np.clip(fell, *EXPONENTS)),
         rounding_height_nm(results[any_measure], scene, way, device),
-        run.seconds["trace"] / PILOT_RAYS[way.estimator][1],
+        run.seconds["trace"] / many,
     )
 
 

@@ -34,7 +34,7 @@ INLINE maskv chord_ramp(__constant Scene *scene, const Chord *chord, const Meeti
     const realv density = weight * (1 + chord->growth * middle) * reach / (2 * half_length * extent);
     const maskv lit = (density > 0) & (centre == centre);
     ramp->slope = to_int(lit ? density + (real)0.5 : (realv)(0));
-    maskv beyond = lit & (centre != centre);
+    maskv beyond = 0;
     const realv place[2] = {centre - extent, centre + extent};
     for (int end = 0; end < 2; ++end) {
         realv p = lit ? place[end] : (realv)(0);
