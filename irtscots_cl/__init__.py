@@ -11,8 +11,8 @@ Map of the files, in layers; a file imports only from files above it:
     checked, scene, presets, surface, calibration         what is tested, with what, and its chief rays
     pixelmap, cells, pixellight                           a detector pixel's light in closed form
     interface, device, program, execution                 OpenCL: no other file imports pyopencl
-    windows, samplers, options, packing, transport,
-    analytic, tracer, probes, precision                   scene + device -> Transport or light curves
+    windows, samplers, options, aiming, packing,
+    transport, analytic, tracer, probes, precision                   scene + device -> Transport or light curves
     images, patterns                                      Transport -> image stack
     lightcurves, centroids, profiles, slopes,
     reconstruction, refinement, measures, prediction      image stack -> height; never sees the true surface

@@ -16,7 +16,7 @@ from irtscots_cl.scene import Scene, SceneError
 from irtscots_cl.surface import Surface
 
 SUBPIXELS = 16  # per axis, in pixels that the mirror's edge crosses: footprint areas to about half a percent
-_RIM = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], -1)
+RIM = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], -1)
 
 
 @dataclass(frozen=True)
@@ -82,17 +82,17 @@ class Calibration:
         return points, *self.screen_frame.arrive(points, outgoing)
 
     @cached_property
-    def _corners(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def corners(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Chief rays of the pixels' corners, [rows + 1, columns + 1]: mirror points and screen crossings."""
         rows, columns = self.shape
         return self.reverse(*np.meshgrid(np.arange(rows + 1) - 0.5, np.arange(columns + 1) - 0.5, indexing="ij"))
 
     @cached_property
-    def _rims(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def rims(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rays from the pixels' centres through eight points of the aperture's rim, [rows, columns, 8]."""
         rows, columns = self.shape
         row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
-        a, b = (self.scene.camera.aperture_diameter_mm / 2 * _RIM).T
+        a, b = (self.scene.camera.aperture_diameter_mm / 2 * RIM).T
         return self.reverse(row[..., None], column[..., None], a, b)
 
     @cached_property
@@ -101,7 +101,7 @@ class Calibration:
         return self._footprint(0.0)
 
     def _footprint(self, margin_mm: float) -> Footprint:
-        corners = self._corners[0][..., :2]
+        corners = self.corners[0][..., :2]
         radius = np.hypot(corners[..., 0], corners[..., 1])
         of_pixel = np.stack([radius[:-1, :-1], radius[1:, :-1], radius[:-1, 1:], radius[1:, 1:]])
         diagonal = np.linalg.norm(corners[1:, 1:] - corners[:-1, :-1], axis=-1)
@@ -131,7 +131,7 @@ class Calibration:
     @cached_property
     def sees_mirror(self) -> np.ndarray:
         """Pixels [rows, columns] that light from the mirror can reach through any point of the aperture."""
-        corners, rims = self._corners[0], self._rims[0]
+        corners, rims = self.corners[0], self.rims[0]
         size = np.nanmax(np.linalg.norm(corners[1:, 1:, :2] - corners[:-1, :-1, :2], axis=-1), initial=0.0)
         blur = np.nanmax(np.abs(rims - rims.mean(-2, keepdims=True)), initial=0.0)  # footprint of one image point
         return self._footprint(float(blur + size / SUBPIXELS)).coverage > 0
@@ -143,8 +143,8 @@ class Calibration:
         rays, widened by the aperture's image. NaN where no ray returns.
         """
         screen = self.scene.screen
-        _, corner_u, corner_v = self._corners
-        _, rim_u, rim_v = self._rims
+        _, corner_u, corner_v = self.corners
+        _, rim_u, rim_v = self.rims
         lowest, highest = [], []
         for corner, rim, offset, count in zip(
             (corner_u, corner_v), (rim_u, rim_v), screen.centre_offset_mm, screen.pixels, strict=True
@@ -161,8 +161,8 @@ class Calibration:
         Returns the half-width of the aperture's image, and the widths of the pixel's own image along its row step and
         its column step: the profile is the aperture's chord spread over these two boxes.
         """
-        corner, rim = self._corners[1 + k], self._rims[1 + k]
-        half_width = np.hypot(rim @ _RIM[:, 0], rim @ _RIM[:, 1]) / (len(_RIM) / 2)
+        corner, rim = self.corners[1 + k], self.rims[1 + k]
+        half_width = np.hypot(rim @ RIM[:, 0], rim @ RIM[:, 1]) / (len(RIM) / 2)
         along_row = (corner[1:, :-1] - corner[:-1, :-1] + corner[1:, 1:] - corner[:-1, 1:]) / 2
         along_column = (corner[:-1, 1:] - corner[:-1, :-1] + corner[1:, 1:] - corner[1:, :-1]) / 2
         return half_width, np.abs(along_row), np.abs(along_column)

@@ -8,6 +8,7 @@ from irtscots_cl.interface import PRECISIONS
 from irtscots_cl.samplers import SAMPLERS
 
 ESTIMATORS = ("forward", "adjoint")  # that trace rays on a device
+AIMS = ("mirror", "camera")  # of the forward estimator
 ANALYTIC = "analytic"  # the one that does not
 MAX_SMOOTHED_RAYS = 2**32  # per pixel and replicate: a sum of so many 32-bit amounts stays below 2^63
 
@@ -17,7 +18,8 @@ class TraceOptions:
     """How to trace. Refuses what is out of range with a ValueError that names the command line's option.
 
     estimator: "forward", "adjoint" or "analytic". sampler: a name of samplers.SAMPLERS. precision: "fp32" or "fp64".
-    seed: 64 bits. overfill: forward only, solid angle of the emission over the least that covers the mirror. smoothing:
+    seed: 64 bits. aim: forward only, "mirror" or "camera" (aiming.py). overfill: forward only, solid angle of the
+    emission over the least that covers what it is aimed at. smoothing:
     adjoint only, every ray stands for its whole chord through the camera's aperture (kernels/trace_lines.cl);
     a central hole must be wider than the aperture's blur on the mirror, or its rim is told only roughly.
     """
@@ -26,6 +28,7 @@ class TraceOptions:
     sampler: str = "philox"
     precision: str = "fp32"
     seed: int = 1
+    aim: str = "mirror"
     overfill: float = 1.0
     smoothing: bool = False
 
@@ -34,6 +37,7 @@ class TraceOptions:
             ("estimator", self.estimator, (*ESTIMATORS, ANALYTIC)),
             ("sampler", self.sampler, SAMPLERS),
             ("precision", self.precision, tuple(PRECISIONS)),
+            ("aim", self.aim, AIMS),
         ):
             if value not in allowed:
                 raise ValueError(f"--{option} = {value!r}: must be one of {', '.join(allowed)}")
@@ -41,5 +45,7 @@ class TraceOptions:
             raise ValueError(f"--seed = {self.seed}: must be 0 to 2^64 - 1")
         if not 1.0 <= self.overfill <= 1e4:
             raise ValueError(f"--overfill = {self.overfill}: must be 1 to 10000")
+        if self.aim != "mirror" and self.estimator != "forward":
+            raise ValueError(f"--aim {self.aim}: must go with --estimator forward, not {self.estimator}")
         if self.smoothing and self.estimator != "adjoint":
             raise ValueError(f"--smoothing: must go with --estimator adjoint, not {self.estimator}")

@@ -27,8 +27,6 @@ from irtscots_cl.pixellight import pixel_light
 from irtscots_cl.surface import Surface
 from irtscots_cl.zernikes import PowerRows, RadialSeries, power_rows
 
-RIM_POINTS = 32  # of the mirror, to fit the aim's ellipse
-AIM_MARGIN = 1e-4  # of the ellipse's axes, for what is not an ellipse between the rim points
 MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
 MAX_NEWTON_STEPS = 8  # more than any deviation needs that is still a mirror's
 NEWTON_SLOPE = {"fp32": 1e-9, "fp64": 1e-13}  # rad, left by the last step; fp32's own rounding is 1e-8
@@ -223,43 +221,3 @@ def cosine4(calibration: Calibration, slots: np.ndarray) -> np.ndarray:
     x, y = calibration.image_point(*np.divmod(slots, calibration.shape[1]))
     distance = calibration.scene.camera.image_distance_mm
     return np.maximum((1 + (x**2 + y**2) / distance**2) ** -2, LEAST_COSINE4)
-
-
-def emitters(calibration: Calibration, precision: str, overfill: float) -> tuple[np.ndarray, np.ndarray]:
-    """Forward sources [rows * columns of the screen] and the area of their aim's ellipse in direction cosines [same].
-
-    overfill: the ellipse's area over the least that covers the mirror.
-    """
-    screen, frame, surface = calibration.scene.screen, calibration.screen_frame, calibration.surface
-    columns, rows = screen.pixels
-    out = np.zeros(rows * columns, emitter_dtype(PRECISIONS[precision]))
-    row, column = np.divmod(np.arange(rows * columns), columns)
-    x = (column - (columns - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[0]
-    y = (row - (rows - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[1]
-    out["x"], out["y"] = x, y
-    angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
-    rim_x, rim_y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
-    rim = np.stack([rim_x, rim_y, surface.sag(rim_x, rim_y)], -1)
-    area = np.empty(len(out))
-    for part in np.array_split(np.arange(len(out)), len(out) // 4096 + 1):  # bounds the memory of large screens
-        centre, root = _aim(frame, rim, x[part], y[part], screen.pitch_mm)
-        root = root * np.sqrt(overfill)
-        out["centre_l"][part], out["centre_m"][part] = centre.T
-        out["aim_ll"][part], out["aim_ml"][part], out["aim_mm"][part] = root[:, 0, 0], root[:, 1, 0], root[:, 1, 1]
-        area[part] = np.pi * root[:, 0, 0] * root[:, 1, 1]
-    return out, area
-
-
-def _aim(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch: float) -> tuple[np.ndarray, np.ndarray]:
-    """Covering ellipses for screen pixels at (x, y) [n]: centres [n, 2], lower triangular half-axes [n, 2, 2]."""
-    rays = rim - frame.to_world(x, y)[:, None, :]
-    distance = np.linalg.norm(rays, axis=-1, keepdims=True)
-    cosines = (rays / distance) @ frame.axes[:2].T
-    centre = cosines.mean(1)
-    spread = cosines - centre[:, None, :]
-    # Points spread evenly in angle over an ellipse's rim have half its shape matrix as covariance.
-    root = np.linalg.cholesky(2 * np.einsum("nki,nkj->nij", spread, spread) / rim.shape[0])
-    reach = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
-    shortest = np.linalg.svd(root, compute_uv=False)[:, -1]
-    pixel = pitch * np.sqrt(0.5) / distance.min((1, 2))  # half a pixel's diagonal, as an angle
-    return centre, root * (reach * (1 + AIM_MARGIN) + pixel / shortest)[:, None, None]

@@ -55,6 +55,7 @@ def build_report(
         "sampler": transport.options.sampler,
         "precision": transport.options.precision,
         "seed": transport.options.seed,
+        "aim": transport.options.aim,
         "overfill": transport.options.overfill,
         "smoothing": transport.options.smoothing,
         "measure": measure,

@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from irtscots_cl.aiming import emitters
 from irtscots_cl.analytic import trace_analytic
 from irtscots_cl.calibration import Calibration, calibrate, check_visible
 from irtscots_cl.device import Device, select_device
 from irtscots_cl.execution import LocalMemory, Workspace
 from irtscots_cl.interface import LAUNCH, WEIGHT_ONE, Fate
 from irtscots_cl.options import ANALYTIC, MAX_SMOOTHED_RAYS, TraceOptions
-from irtscots_cl.packing import cosine4, emitters, line_receivers, pack, receivers
+from irtscots_cl.packing import cosine4, line_receivers, pack, receivers
 from irtscots_cl.program import check_precision, compose
 from irtscots_cl.scene import Scene
 from irtscots_cl.transport import LineLight, Transport, ledger_from, line_flux
@@ -38,6 +39,7 @@ def trace(
     rays_per_pixel: int = 1024,
     replicates: int = 8,
     seed: int = 1,
+    aim: str = "mirror",
     overfill: float = 1.0,
     smoothing: bool = False,
     progress: Callable[[int, int], None] | None = None,
@@ -48,14 +50,14 @@ def trace(
     The analytic estimator takes no rays and no device, so none of the other arguments, and gives light curves alone.
 
     device: as select_device gives it; None selects one. replicates: independent parts of the rays, for error bars.
-    estimator, sampler, precision, seed, overfill, smoothing: see TraceOptions. progress(done, total) is called after
-    each launch with ray numbers. launch_rays: rays per launch, instead of timing; no result depends on it. Same seed
-    and device, same bits.
+    estimator, sampler, precision, seed, aim, overfill, smoothing: see TraceOptions. progress(done, total) is called
+    after each launch with ray numbers. launch_rays: rays per launch, instead of timing; no result depends on it. Same
+    seed and device, same bits.
 
     Raises ValueError for an argument out of range, SceneError if no pixel sees the screen, DeviceError if the device
     cannot do it.
     """
-    options = TraceOptions(estimator, sampler, precision, seed, overfill, smoothing)
+    options = TraceOptions(estimator, sampler, precision, seed, aim, overfill, smoothing)
     if estimator == ANALYTIC:
         return trace_analytic(scene)
     rays = share_rays(rays_per_pixel, replicates)
@@ -168,7 +170,9 @@ class Tracer:
         screen, camera, mirror = self.scene.screen, self.scene.camera, self.scene.mirror
         gain = screen.radiance * mirror.reflectance * camera.transmittance
         if self.options.estimator == "forward":
-            sources, area = emitters(calibration, self.options.precision, self.options.overfill)
+            sources, area = emitters(
+                calibration, self.options.precision, self.options.overfill, self.options.aim
+            )
             unit = (gain * screen.pitch_mm**2 * area).reshape(screen.pixels[::-1])
             return sources, self.windows.gather(unit)
         pixels, origins = self.windows.pixels, self.windows.origins

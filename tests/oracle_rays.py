@@ -8,8 +8,9 @@ import numpy as np
 from device_kernels import FOLDER, SmallKernel, launch_of
 from oracle import tracer
 
+from irtscots_cl.aiming import emitters
 from irtscots_cl.calibration import Calibration
-from irtscots_cl.packing import emitters, receivers
+from irtscots_cl.packing import receivers
 from irtscots_cl.samplers import sample_words
 from irtscots_cl.windows import place_windows
 
@@ -51,7 +52,7 @@ def _words(streams: np.ndarray) -> np.ndarray:
 
 def forward_rays(device, scene, precision: str) -> Rays:
     """Rays from screen pixels spread over the screen, aimed as the package aims them."""
-    sources, _ = emitters(Calibration(scene), precision, 1.0)
+    sources, _ = emitters(Calibration(scene), precision, 1.0, "mirror")
     streams = np.linspace(0, len(sources) - 1, STREAMS).astype(np.uint32)
     paths, marks = _run(device, scene, precision, "trace_paths_forward", sources, streams, 11, 3)
     words, pitch = _words(streams), scene.screen.pitch_mm

@@ -14,7 +14,8 @@ PACKAGE = ROOT / "irtscots_cl"
 MATHEMATICS = ("geometry", "zernikes", "zonal", "integration")
 DESCRIPTION = ("checked", "scene", "presets", "surface", "scatter", "calibration", "pixelmap", "cells", "pixellight")
 DEVICE = ("interface", "device", "program", "execution")
-TRACING = ("windows", "samplers", "options", "packing", "transport", "analytic", "tracer", "probes", "precision")
+TRACING = ("windows", "samplers", "options", "aiming", "packing", "transport", "analytic", "tracer", "probes",
+           "precision")  # fmt: skip
 IMAGING = ("images", "patterns", "detector")
 MEASURING = ("lightcurves", "centroids", "profiles", "phase", "slopes", "reconstruction", "refinement", "measures",
              "prediction")  # fmt: skip

@@ -42,6 +42,7 @@ MORE = {
     "measure",
     "refinement_updates_nm",
     "precision",
+    "aim",
     "overfill",
     "replicates",
     "versions",

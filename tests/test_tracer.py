@@ -15,11 +15,12 @@ from oracle import tracer
 from scipy import stats
 from significance import sidak_p
 
+from irtscots_cl.aiming import emitters
 from irtscots_cl.calibration import Calibration
 from irtscots_cl.device import DeviceError
 from irtscots_cl.interface import WEIGHT_ONE
 from irtscots_cl.options import ESTIMATORS, TraceOptions
-from irtscots_cl.packing import emitters, receivers
+from irtscots_cl.packing import receivers
 from irtscots_cl.presets import load_scene
 from irtscots_cl.samplers import SAMPLERS
 from irtscots_cl.scene import SceneError
@@ -429,7 +430,7 @@ def ray_by_ray(device, scene, name, sources, chosen, fields, marks, first_ray):
 @pytest.mark.parametrize("scene", [coarse(), lopsided()], ids=lambda scene: scene.name)
 def test_forward_counts_are_the_rays_that_came_through(device, scene, start):
     run = trace(scene, device=device, estimator="forward", rays_per_pixel=RAYS - 28, replicates=1, seed=3)
-    sources, _ = emitters(Calibration(scene), "fp32", 1.0)
+    sources, _ = emitters(Calibration(scene), "fp32", 1.0, "mirror")
     streams = np.arange(len(sources), dtype=np.uint32)
     _, marks = ray_by_ray(device, scene, "trace_paths_forward", sources, streams, 11, 3, start)
     marks = marks[:, : RAYS - 28]

@@ -18,7 +18,8 @@ from irtscots_cl.cli.common import (
     visible_scene,
 )
 
-RAYS = {"rays_per_pixel": 16384, "replicates": 8, "overfill": 1.0}  # their defaults; a target chooses them itself
+# Defaults of what a target chooses itself.
+RAYS = {"rays_per_pixel": 16384, "replicates": 8, "aim": "mirror", "overfill": 1.0}
 
 
 def add(commands) -> None:
@@ -59,10 +60,16 @@ def add(commands) -> None:
         "measure that get there, except what is given here too",
     )
     parser.add_argument(
+        "--aim",
+        metavar="A",
+        help="forward: mirror (rays leave towards the whole mirror, as in the paper; default) or camera (only towards "
+        "the part of it from which light reaches the camera: fewer rays for the same noise)",
+    )
+    parser.add_argument(
         "--overfill",
         type=float,
         metavar="F",
-        help="forward: solid angle of the emission over the least that covers the mirror; default 1",
+        help="forward: solid angle of the emission over the least that covers what it is aimed at; default 1",
     )
 
 
@@ -96,7 +103,7 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
     from irtscots_cl.options import TraceOptions
     from irtscots_cl.tracer import share_rays
 
-    names = ("estimator", "sampler", "precision", "overfill", "smoothing")
+    names = ("estimator", "sampler", "precision", "aim", "overfill", "smoothing")
     TraceOptions(**{name: wanted[name] for name in names}, seed=options.seed)
     check_measure(wanted["measure"])
     share_rays(wanted["rays_per_pixel"], wanted["replicates"])
