@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -44,8 +45,9 @@ class Packed:
     scene: np.ndarray  # [1]
 
 
+@lru_cache(maxsize=8)
 def pack(calibration: Calibration, precision: str) -> Packed:
-    """Everything about a scene that does not depend on the estimator."""
+    """Everything about a scene that does not depend on the estimator; made once for all who ask for the same."""
     real, surface = PRECISIONS[precision], calibration.surface
     deviation = surface.deviation
     annular = surface.obscuration_radius_mm > 0

@@ -104,13 +104,14 @@ _built: dict[tuple[cl.Context, Source], cl.Program] = {}
 def build(device: Device, source: Source) -> cl.Program:
     """The built program; a second call with the same device and source returns the first one's.
 
-    Across processes the drivers' own binary caches serve (PoCL, NVIDIA and others keep one per user).
+    Across processes binary caches of the user serve: the driver's own (PoCL, NVIDIA), else PyOpenCL's, whose key is the
+    source, the options, the device and its driver.
     Raises DeviceError if the device's compiler refuses the source.
     """
     key = (device.context, source)
     if key not in _built:
         try:
-            program = cl.Program(device.context, source.text).build(options=list(source.options), cache_dir=False)
+            program = cl.Program(device.context, source.text).build(options=list(source.options))
         except cl.Error as error:
             log = next((line for line in str(error).splitlines() if "error" in line.lower()), str(error))
             raise DeviceError(

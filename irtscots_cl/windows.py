@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -31,6 +32,7 @@ class Windows:
         return of_screen[row, column]
 
 
+@lru_cache(maxsize=8)
 def place_windows(calibration: Calibration, margin: int) -> Windows:
     """Windows of equal size around what the chief rays say, widened by margin screen pixels and kept on the screen."""
     pixels = np.flatnonzero(calibration.sees_mirror)
