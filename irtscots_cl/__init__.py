@@ -17,7 +17,7 @@ Map of the files, in layers; a file imports only from files above it:
     lightcurves, centroids, profiles, slopes,
     reconstruction, refinement, measures, prediction      image stack -> height; never sees the true surface
     comparison, errorparts, files, report, plots,
-    pipeline, targets, stability, bench, cli              assembly
+    studies, pipeline, targets, stability, bench, cli     assembly
 
 The kernels are OpenCL C in kernels/: at the top of the repository, inside the package once it is installed.
 """

@@ -71,6 +71,12 @@ class Scan:
         image[self.pixels[lit]] = values[lit, offset[lit]]
         return image.reshape(self.shape)
 
+    def replicate(self, number: int) -> Scan:
+        """The scan of one replicate alone; its independent rays are its share of all."""
+        share = self.weights[number] / self.weights.sum()
+        one = slice(number, number + 1)
+        return replace(self, flux_w=self.flux_w[one], weights=self.weights[one], hits=self.hits * share)
+
     @classmethod
     def from_images(cls, axis: str, positions_mm: np.ndarray, images_w: np.ndarray) -> Scan:
         """A scan from whole images [lines, rows, columns] or [exposures, lines, rows, columns].
@@ -112,6 +118,10 @@ class ImageStack:
 
     x: Scan
     y: Scan
+
+    def replicate(self, number: int) -> ImageStack:
+        """The images of one replicate alone."""
+        return ImageStack(self.x.replicate(number), self.y.replicate(number))
 
     def saturating_at(self, saturation_w: float) -> ImageStack:
         """The same images of a camera whose pixels saturate at that value, in the images' own unit.

@@ -1,0 +1,64 @@
+"""The command `irtscots reproduce`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from irtscots_cl.cli.common import DEVICE_HELP, command, print_json, print_tables, progress_bar
+
+NAMES = "snr, fig3, fig4, fig5, fig6, table4, table5, precision, zonal, brightness, scatter, off-axis, time"
+
+
+def add(commands) -> None:
+    parser = command(
+        commands,
+        "reproduce",
+        _execute,
+        "repeat the paper's tables and figures beside its own numbers",
+        f"WHAT: {NAMES}, or all. Prints paper, theory, our number with its error bar and a verdict, and writes figures "
+        "and reproduce.json; `all` takes a quarter of an hour on two cores and also writes reproduce.md and "
+        "reproduce.html.",
+    )
+    parser.add_argument("what", metavar="WHAT", help="a study, or all")
+    parser.add_argument("--quick", action="store_true", help="without the largest ray numbers: about a minute for all")
+    parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="where figures and documents go; default irtscots-out/reproduce",
+        default=Path("irtscots-out/reproduce"),
+    )
+
+
+def _execute(options: argparse.Namespace) -> int:
+    from irtscots_cl.files import check_output_folder, plain, write_json
+    from irtscots_cl.studies import suite
+
+    names = suite.chosen(options.what)
+    check_output_folder(options.out)
+    from irtscots_cl.device import select_device
+    from irtscots_cl.studies.lab import Lab
+
+    lab, finished = Lab(select_device(options.device), options.quick), []
+    for name in names:
+        with progress_bar(name) as lab.progress:
+            finished.append(suite.run_study(name, lab))
+        if not options.json:
+            print_tables(suite.tables(finished[-1:]))
+            print("\n".join(f"  {note}" for note in finished[-1].outcome.notes))
+            sys.stdout.flush()
+    results = suite.facts(finished, lab)
+    options.out.mkdir(parents=True, exist_ok=True)
+    suite.write_figures(options.out, finished)
+    if options.what == suite.ALL:
+        suite.write_documents(options.out, finished, lab)
+    write_json(options.out / "reproduce.json", results)
+    if options.json:
+        print_json(plain(results))
+    else:
+        print(", ".join(f"{count} {verdict}" for verdict, count in suite.counts(finished).items()))
+        print(f"results in {options.out}")
+    return 0

@@ -1,0 +1,98 @@
+"""The studies by name: running them, and what they found as plain data and as one document."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from importlib.resources import files
+from pathlib import Path
+
+from irtscots_cl.files import replacing, write_text
+from irtscots_cl.report import Table, versions
+from irtscots_cl.studies.lab import Lab
+from irtscots_cl.studies.outcome import Outcome
+
+# Name on the command line -> module; the order is that of `all`.
+STUDIES = {
+    "snr": "snr", "fig3": "fig3", "fig4": "fig4", "fig5": "fig5", "fig6": "fig6", "table4": "table4",
+    "table5": "table5", "precision": "precision", "zonal": "zonal", "brightness": "brightness", "scatter": "scatter",
+    "off-axis": "off_axis", "time": "time",
+}  # fmt: skip
+ALL = "all"
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A study that was run. seconds: it took, with the traces that it was the first to need."""
+
+    name: str
+    title: str
+    outcome: Outcome
+    seconds: float
+
+
+def chosen(what: str) -> tuple[str, ...]:
+    """Names of the studies that WHAT asks for; ValueError for an unknown one."""
+    if what == ALL:
+        return tuple(STUDIES)
+    if what not in STUDIES:
+        raise ValueError(f"WHAT = {what!r}: must be one of {', '.join((*STUDIES, ALL))}")
+    return (what,)
+
+
+def run_study(name: str, lab: Lab) -> Finished:
+    """Run one study."""
+    module = import_module(f"irtscots_cl.studies.{STUDIES[name]}")
+    started = time.perf_counter()
+    outcome = module.study(lab)
+    return Finished(name, module.TITLE, outcome, time.perf_counter() - started)
+
+
+def facts(finished: Iterable[Finished], lab: Lab) -> dict[str, object]:
+    """Everything but the figures as plain data."""
+    return {
+        "device": lab.device.describe(),
+        "versions": versions(),
+        "quick": lab.quick,
+        "studies": [
+            {"name": f.name, "title": f.title, "seconds": f.seconds, "rows": [asdict(r) for r in f.outcome.rows],
+             "notes": list(f.outcome.notes), "figures": list(f.outcome.figures)}
+            for f in finished
+        ],
+    }  # fmt: skip
+
+
+def tables(finished: Iterable[Finished]) -> list[Table]:
+    return [f.outcome.table(f"{f.name}: {f.title}") for f in finished]
+
+
+def counts(finished: Iterable[Finished]) -> dict[str, int]:
+    """How many rows have each verdict."""
+    found: dict[str, int] = {}
+    for verdict in (row.verdict for f in finished for row in f.outcome.rows):
+        found[verdict] = found.get(verdict, 0) + 1
+    return found
+
+
+def write_figures(folder: Path, finished: Iterable[Finished]) -> None:
+    """Write all figures as PNG files into the folder, which must be there."""
+    for f in finished:
+        for name, figure in f.outcome.figures.items():
+            with replacing(folder / name) as temporary:
+                figure.savefig(temporary, dpi=120)
+
+
+def write_documents(folder: Path, finished: list[Finished], lab: Lab) -> None:
+    """Write reproduce.md and reproduce.html beside the figures."""
+    import jinja2
+
+    device, about = lab.device.describe(), versions()
+    for name, escape in (("reproduce.md", False), ("reproduce.html", True)):
+        text = (files("irtscots_cl") / "templates" / name).read_text(encoding="utf-8")
+        template = jinja2.Environment(autoescape=escape, trim_blocks=True, lstrip_blocks=True).from_string(text)
+        page = template.render(
+            finished=finished, device=device, versions=about, quick=lab.quick, counts=counts(finished)
+        )
+        write_text(folder / name, page + "\n")
