@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +18,17 @@ from irtscots_cl.presets import load_scene
 from irtscots_cl.studies import brightness, fig3, fig5, scatter, suite, table4, zonal
 from irtscots_cl.studies.lab import CENTRE, PAPER_OVERFILL, PAPER_RAYS, RUNS, Lab, light_curve, over_runs
 from irtscots_cl.studies.outcome import (
-    AGREES, ALONE, BETTER, DIFFERS, FAILURE_CHANCE, INCONSISTENT, NOT_YET, Z_LIMIT, Outcome, exact, row,
+    AGREES,
+    ALONE,
+    BETTER,
+    DIFFERS,
+    FAILURE_CHANCE,
+    INCONSISTENT,
+    NOT_YET,
+    Z_LIMIT,
+    Outcome,
+    exact,
+    row,
 )  # fmt: skip
 
 
@@ -86,7 +96,9 @@ def test_full_runs_are_the_papers_and_ten_runs_weigh_the_same(device):
     assert abs(hits[1] - RUNS * hits[0]) < 5 * math.sqrt(hits[1] + RUNS**2 * hits[0])  # chance 6e-7
     assert lab.full("sphere", 20_000) is full and lab.runs("sphere", 20_000) is runs
     one = runs.single(3)
-    assert one.x.flux_w.shape[0] == 1 and one.x.hits.sum() == pytest.approx(hits[1] / RUNS)
+    share = 1 / RUNS
+    assert one.x.flux_w.shape[0] == 1
+    assert one.x.hits.sum() == pytest.approx(hits[1] * share, rel=1e-3)  # runs differ by one ray in 1600
     np.testing.assert_array_equal(one.y.flux_w[0], runs.stack.y.flux_w[3])
 
 
@@ -103,10 +115,11 @@ def test_mean_over_runs():
 
 
 def test_eq2_sums_to_the_aperture_and_has_its_moments():
-    line = (np.arange(-40, 41)) * 0.2
+    line = np.arange(-40, 41) * 0.2
     share = fig5.eq2(line, 0.2, 0.5)
     assert share.sum() == pytest.approx(1.0, abs=1e-12)  # rounding
-    assert (share * line**2).sum() == pytest.approx(0.25 / 4 + 0.04 / 12, rel=0.02)  # sampled by lines
+    moments = [(fig5.eq2(line + shift, 0.2, 0.5) * (line + shift) ** 2).sum() for shift in np.arange(50) * 0.004]
+    assert np.mean(moments) == pytest.approx(0.25 / 4 + 0.04 / 12, rel=1e-4)  # sampled at 50 phases
     assert fig5.misfit_percent(3 * share, share) == pytest.approx(0.0, abs=1e-12)
 
 
@@ -140,7 +153,8 @@ def test_the_closed_forms_curve_is_that_of_the_centre_pixel(lab):
     position, flux = light_curve(runs.stack, "x", CENTRE)
     assert flux.shape == (RUNS, len(position))
     image = runs.stack.x.image(int(np.flatnonzero(runs.stack.x.positions_mm == position[3])[0]))
-    assert image.ravel()[CENTRE] == pytest.approx(flux[:, 3].mean())
+    # runs differ by one ray in 12,000, so their mean is weighted
+    assert image.ravel()[CENTRE] == pytest.approx(flux[:, 3].mean(), rel=1e-4)
 
 
 # --- the studies -------------------------------------------------------------------------------------------
@@ -216,11 +230,8 @@ def test_documents_escape_what_they_show(lab, tmp_path):
 
 
 def test_the_study_of_the_documentation_runs(device):
-    from pathlib import Path
-
     text = (Path(__file__).parents[1] / "docs" / "studies.md").read_text(encoding="utf-8")
     code = text.split("```python\n")[1].split("```")[0]
     space: dict = {}
     exec(compile(code, "docs/studies.md", "exec"), space)
-    small = replace(load_scene("sphere-deviated"))
-    assert small and len(space["study"](Lab(device)).rows) == 3
+    assert len(space["study"](Lab(device)).rows) == 3
