@@ -12,7 +12,7 @@ import typing
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, Strict, ValidationError, WrapValidator
+from pydantic import AfterValidator, ConfigDict, Field, Strict, ValidationError, WrapValidator
 from pydantic.dataclasses import dataclass
 from pydantic_core import PydanticCustomError
 
@@ -43,6 +43,12 @@ def _whole(value: object, check: Any) -> object:
         raise PydanticCustomError("array", "array") from None
 
 
+def _not_zero(value: float) -> float:
+    if value == 0.0:
+        raise PydanticCustomError("zero", "zero")
+    return value
+
+
 _ARRAY = (Strict(), WrapValidator(_whole))
 _Coordinate = Annotated[float, Strict(), _range(ge=-MAX_LENGTH_MM, le=MAX_LENGTH_MM)]
 _Count = Annotated[int, Strict(), Field(ge=1, le=MAX_PIXELS_PER_AXIS)]
@@ -65,6 +71,19 @@ OffsetMm = Annotated[
 ]
 PixelGrid = Annotated[tuple[_Count, _Count], *_ARRAY, Field(description=_GRID_TEXT)]
 Fraction = Annotated[float, Strict(), _range(gt=0, le=1)]
+_SIGNED = f"a number other than 0 within {MAX_LENGTH_MM:g}"
+OptionalSignedMm = Annotated[
+    Annotated[float, Strict(), _range(ge=-MAX_LENGTH_MM, le=MAX_LENGTH_MM), AfterValidator(_not_zero)] | None,
+    Field(description=_SIGNED),
+]
+_PERCENT = _range(ge=0, le=1)
+OptionalFraction = Annotated[Annotated[float, Strict(), _PERCENT] | None, Field(description=_PERCENT.description)]
+_INDEX = _range(ge=1, le=10)
+OptionalIndex = Annotated[Annotated[float, Strict(), _INDEX] | None, Field(description=_INDEX.description)]
+OptionalSizeMm = Annotated[
+    Annotated[tuple[PositiveMm, PositiveMm], *_ARRAY] | None,
+    Field(description=f"[width, height], two finite numbers above 0 and at most {MAX_LENGTH_MM:g}"),
+]
 Radiance = Annotated[float, Strict(), _range(gt=0, le=1e12)]
 Conic = Annotated[float, Strict(), _range(ge=-1e6, le=1e6)]
 # Index and coefficient are refused at a place of their own, one step below the field; see _allowed.
@@ -96,7 +115,7 @@ def _key_path(steps: tuple[Any, ...]) -> str:
     """`("mirror", "zernike", 0, "noll_um", 6)` as `mirror.zernike[0].noll_um.6`."""
     path = ""
     for k, step in enumerate(steps):
-        if steps[k - 1 : k] == ("zernike",) and isinstance(step, int):
+        if steps[k - 1 : k] in (("zernike",), ("element",)) and isinstance(step, int):
             path += f"[{step}]"
         else:
             path += "." + (shown_word(step) if re.fullmatch(r"[A-Za-z0-9_-]{1,40}", shown_word(step)) else _shown(step))

@@ -10,6 +10,7 @@ from irtscots_cl.samplers import SAMPLERS
 ESTIMATORS = ("forward", "adjoint")  # that trace rays on a device
 AIMS = ("mirror", "camera")  # of the forward estimator
 ANALYTIC = "analytic"  # the one that does not
+NONSEQUENTIAL = "nonsequential"  # from element to element in any order, by path
 MAX_SMOOTHED_RAYS = 2**32  # per pixel and replicate: a sum of so many 32-bit amounts stays below 2^63
 
 
@@ -17,11 +18,11 @@ MAX_SMOOTHED_RAYS = 2**32  # per pixel and replicate: a sum of so many 32-bit am
 class TraceOptions:
     """How to trace. Refuses what is out of range with a ValueError that names the command line's option.
 
-    estimator: "forward", "adjoint" or "analytic". sampler: a name of samplers.SAMPLERS. precision: "fp32" or "fp64".
-    seed: 64 bits. aim: forward only, "mirror" or "camera" (aiming.py). overfill: forward only, solid angle of the
-    emission over the least that covers what it is aimed at. smoothing:
-    adjoint only, every ray stands for its whole chord through the camera's aperture (kernels/trace_lines.cl);
-    a central hole must be wider than the aperture's blur on the mirror, or its rim is told only roughly.
+    estimator: "forward", "adjoint", "analytic" or "nonsequential". sampler: a name of samplers.SAMPLERS. precision:
+    "fp32" or "fp64". seed: 64 bits. aim: forward only, "mirror" or "camera" (aiming.py). overfill: forward only, solid
+    angle of the emission over the least that covers what it is aimed at. smoothing: adjoint only,
+    every ray stands for its whole chord through the camera's aperture (kernels/trace_lines.cl); a central hole must be
+    wider than the aperture's blur on the mirror, or its rim is told only roughly.
     """
 
     estimator: str = "adjoint"
@@ -34,7 +35,7 @@ class TraceOptions:
 
     def __post_init__(self) -> None:
         for option, value, allowed in (
-            ("estimator", self.estimator, (*ESTIMATORS, ANALYTIC)),
+            ("estimator", self.estimator, (*ESTIMATORS, ANALYTIC, NONSEQUENTIAL)),
             ("sampler", self.sampler, SAMPLERS),
             ("precision", self.precision, tuple(PRECISIONS)),
             ("aim", self.aim, AIMS),

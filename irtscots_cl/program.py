@@ -46,12 +46,15 @@ def compose(
     precision: str,
     width: int,
     constants: dict[str, tuple[int, ...]] | None = None,
+    macros: dict[str, str] | None = None,
+    first: tuple[str, ...] = (),
 ) -> Source:
     """Source of the kernel file `entry` with everything that it includes.
 
     entry: a name in the kernels folder, or the path of a file elsewhere that includes files from there.
     choices: family -> member, e.g. {"surface": "sphere"}; structs, constants: as interface.c_declarations takes them.
-    width: rays side by side in a work-item, 1, 8 or 16.
+    width: rays side by side in a work-item, 1, 8 or 16. macros: "NAME(arguments)" -> text, of the program's own words.
+    first: files that come before the entry, with what they include.
     """
     choices = choices | {
         "real": "float" if precision == "fp32" else "double",
@@ -59,9 +62,10 @@ def compose(
     }
     folder = kernels_folder()
     files: list[str] = []
-    pieces = _expand(folder, entry, choices, files)
+    pieces = [piece for name in (*first, entry) for piece in _expand(folder, name, choices, files)]
     # The structures need the types' names only, so they come first, before any kernel file.
     declarations = _pragma(precision) + c_declarations(structs, constants)
+    declarations += "".join(f"#define {name} {text}\n" for name, text in (macros or {}).items())
     text = '#line 1 "interface (generated)"\n' + declarations + "".join(pieces)
     options = (f"-DWIDTH={width}",) if width > 1 else ()
     return Source(text, (*options, "-cl-std=CL1.2"), tuple(files))

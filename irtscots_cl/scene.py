@@ -38,12 +38,14 @@ from irtscots_cl.checked import (
     shown_word,
     translate,
 )
+from irtscots_cl.element import Element
 
-__all__ = ["Camera", "Detector", "Mirror", "Scene", "SceneError", "Screen", "ZernikeTerms"]
+__all__ = ["Camera", "Detector", "Element", "Mirror", "Scene", "SceneError", "Screen", "ZernikeTerms"]
 
 MAX_SCREEN_PIXELS = 2**26
 MAX_DETECTOR_PIXELS = 2**24
 MAX_RADIAL_ORDER = 40
+MAX_ELEMENTS = 16  # beside the scene's own: all events of an element fit six bits of a path
 MAX_VIEW_RAD = math.radians(89.0)
 MIN_SINE_TO_Y = 1e-6  # below it the device's x axis is lost in the rounding of its position
 ZERNIKE_KEYS = {"noll_um": "noll", "fringe_um": "fringe", "osa_um": "osa"}
@@ -160,7 +162,11 @@ class Detector:
 
 @checked("camera")
 class Camera:
-    """A paraxial lens at `position_mm` with its detector where `focus_mm` is imaged sharply."""
+    """An aperture at `position_mm` with a paraxial lens in it, and the detector where `focus_mm` is imaged sharply.
+
+    lens = "elements": no lens in the aperture, the scene's elements take its place; focal_length_mm is then theirs, for
+    the calibration. detector_distance_mm: from the aperture to the detector, if not where a paraxial lens images.
+    """
 
     position_mm: PointMm
     aperture_diameter_mm: PositiveMm
@@ -169,6 +175,8 @@ class Camera:
     look_at_mm: PointMm = (0.0, 0.0, 0.0)
     focus_distance_mm: OptionalMm = None
     transmittance: Fraction = 1.0
+    lens: Annotated[Literal["paraxial", "elements"], Field(description="paraxial or elements")] = "paraxial"
+    detector_distance_mm: OptionalMm = None
 
     @property
     def focus_mm(self) -> float:
@@ -177,7 +185,7 @@ class Camera:
 
     @property
     def image_distance_mm(self) -> float:
-        """From the lens to the detector: 1 / (1 / focal_length_mm - 1 / focus_mm)."""
+        """From a paraxial lens to the sharp image: 1 / (1 / focal_length_mm - 1 / focus_mm)."""
         return self.focal_length_mm / (1.0 - self.focal_length_mm / self.focus_mm)
 
     @model_validator(mode="after")
@@ -200,9 +208,16 @@ class Scene:
     mirror: Annotated[Mirror, Field(description="a table [mirror]")]
     screen: Annotated[Screen, Field(description="a table [screen]")]
     camera: Annotated[Camera, Field(description="a table [camera]")]
+    element: Annotated[tuple[Element, ...], Field(description="tables [[element]]")] = ()
 
     @model_validator(mode="after")
     def _check(self) -> Scene:
+        names = [element.name for element in self.element]
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                refuse(("element", k, "name"), name, "be different from the names of the elements before it")
+        if len(names) > MAX_ELEMENTS:
+            refuse(("element",), len(names), f"be at most {MAX_ELEMENTS} tables [[element]]")
         for key, device in (("screen", self.screen), ("camera", self.camera)):
             x, y, z = device.position_mm
             # Over the mirror a device stands above the surface, beside it above the rim. A segment gets the
@@ -293,6 +308,9 @@ def _toml_table(path: tuple[str, ...], part: Any) -> str:
         value, inner = getattr(part, field.name), (*path, field.name)
         if dataclasses.is_dataclass(value):
             tables += f"\n[{'.'.join(inner)}]\n" + _toml_table(inner, value)
+        elif field.name == "element":
+            for element in value:
+                tables += "\n[[element]]\n" + _toml_table(("element",), element)
         elif field.name == "zernike":
             for terms in value:
                 key = f"{terms.ordering}_um"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
@@ -12,18 +12,18 @@ from irtscots_cl.analytic import trace_analytic
 from irtscots_cl.calibration import Calibration, calibrate, check_visible
 from irtscots_cl.device import Device, select_device
 from irtscots_cl.execution import LocalMemory, Workspace
-from irtscots_cl.interface import LAUNCH, WEIGHT_ONE, Fate
-from irtscots_cl.options import ANALYTIC, MAX_SMOOTHED_RAYS, TraceOptions
+from irtscots_cl.interface import WEIGHT_ONE, Fate
+from irtscots_cl.launches import MAX_RAYS_PER_ITEM, Pace, launch_structure, plan_launches, share_rays
+from irtscots_cl.nonsequential import trace_paths
+from irtscots_cl.options import ANALYTIC, MAX_SMOOTHED_RAYS, NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import cosine4, line_receivers, pack, receivers
+from irtscots_cl.paths import PathLight
 from irtscots_cl.program import check_precision, compose
 from irtscots_cl.scene import Scene
 from irtscots_cl.transport import LineLight, Transport, ledger_from, line_flux
 from irtscots_cl.windows import place_windows
 
-MAX_RAYS_PER_ITEM = 2**18  # of one work-item: amortises its tile, and keeps every 32-bit tile bin below 2^32
 MIN_TIMED_RAYS = 2**14  # of a stream, in a benchmark
-FIRST_LAUNCH_RAYS = 2**24  # before a launch has been timed
-LAUNCH_SECONDS = 0.4  # aimed at, so that progress and interruption stay responsive
 MAX_MARGIN = 8  # screen pixels; chief rays that are wrong by more are a bug
 MAX_TILE_BYTES = 2**19  # a larger detector tile would leave the core's cache
 TILE_BYTES_PER_RAY = 4  # with more, clearing and merging a tile costs more than its rays' atomics
@@ -44,7 +44,7 @@ def trace(
     smoothing: bool = False,
     progress: Callable[[int, int], None] | None = None,
     launch_rays: int | None = None,
-) -> Transport | LineLight:
+) -> Transport | LineLight | PathLight:
     """Trace rays_per_pixel rays per screen pixel (forward) or per detector pixel (adjoint).
 
     The analytic estimator takes no rays and no device, so none of the other arguments, and gives light curves alone.
@@ -58,6 +58,10 @@ def trace(
     cannot do it.
     """
     options = TraceOptions(estimator, sampler, precision, seed, aim, overfill, smoothing)
+    if estimator == NONSEQUENTIAL:
+        return trace_paths(scene, device=device, sampler=sampler, precision=precision, rays_per_pixel=rays_per_pixel,
+                           replicates=replicates, seed=seed, overfill=overfill, progress=progress)  # fmt: skip
+    check_sequential(scene, estimator)
     if estimator == ANALYTIC:
         return trace_analytic(scene)
     rays = share_rays(rays_per_pixel, replicates)
@@ -66,6 +70,11 @@ def trace(
             f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 for each replicate"
         )
     device = device if device is not None else select_device()
+    return _trace_rays(scene, device, options, rays, progress, launch_rays)
+
+
+def _trace_rays(scene: Scene, device: Device, options: TraceOptions, rays: np.ndarray, progress, launch_rays):
+    """The forward or the adjoint estimator, with windows as wide as it takes."""
     started = time.perf_counter()
     calibration = calibrate(scene)
     check_visible(calibration, f"scene {scene.name}")
@@ -83,39 +92,19 @@ def trace(
     ledger = ledger_from(fates, int(rays.sum()) * tracer.streams)
     seconds = {"build": built - started, "trace": traced - built, "kernels": tracer.kernel_seconds}
     windows, facts = tracer.windows, device.describe()
-    if smoothing:
+    if options.smoothing:
         flux = line_flux(counts, windows, tracer.unit_w[:, 0], rays)
         return LineLight(scene, options, facts, windows, flux, rays, ledger, seconds)
     return Transport(scene, options, facts, windows, counts, tracer.unit_w, rays, ledger, seconds)
 
 
-def share_rays(rays_per_pixel: int, replicates: int) -> np.ndarray:
-    """Rays per stream of each replicate [replicates], as equal as whole numbers allow."""
-    if not 1 <= replicates <= 1024:
-        raise ValueError(f"--replicates = {replicates}: must be 1 to 1024")
-    if not replicates <= rays_per_pixel <= 2**40:
-        most = f"must be at least the {replicates} replicates and at most 2^40"
-        raise ValueError(f"--rays-per-pixel = {rays_per_pixel}: {most}")
-    rays = np.full(replicates, rays_per_pixel // replicates, dtype=np.int64)
-    rays[: rays_per_pixel % replicates] += 1
-    return rays
-
-
-def plan_launches(streams: int, rays: int, launch_rays: Callable[[], int]) -> Iterator[tuple[int, int, int, int]]:
-    """Cut streams x rays into launches of about launch_rays() rays: (first stream, streams, first ray, rays).
-
-    Every launch begins at a multiple of MAX_RAYS_PER_ITEM, so work-items begin at whole blocks.
-    """
-    first_ray = 0
-    while first_ray < rays:
-        items = max(1, launch_rays() // streams // MAX_RAYS_PER_ITEM)
-        per_stream = min(rays - first_ray, items * MAX_RAYS_PER_ITEM)
-        first_stream = 0
-        while first_stream < streams:
-            count = min(streams - first_stream, max(1, launch_rays() // per_stream))
-            yield first_stream, count, first_ray, per_stream
-            first_stream += count
-        first_ray += per_stream
+def check_sequential(scene: Scene, estimator: str) -> None:
+    """Refuse, with a ValueError, a scene with elements that only the non-sequential estimator sees."""
+    must = f"must be left out with --estimator {estimator}, or --estimator be {NONSEQUENTIAL}"
+    if scene.element:
+        raise ValueError(f"scene {scene.name}: element[0].name = {scene.element[0].name!r}: {must}")
+    if scene.camera.lens != "paraxial":
+        raise ValueError(f"scene {scene.name}: camera.lens = {scene.camera.lens!r}: {must}")
 
 
 class Tracer:
@@ -147,7 +136,7 @@ class Tracer:
         sources, self.unit_w = self._sources(calibration)
         rows, columns = self.windows.rows, self.windows.columns
         self._bins = (columns + 2 + rows + 2,) if options.smoothing else (rows, columns)  # of a slot
-        self.streams, self.kernel_seconds, self._rays_per_second = len(sources), 0.0, 0.0
+        self.streams, self._pace = len(sources), Pace()
         tile = LocalMemory(self._tile_bytes())
         if accumulate is None:
             fits = tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes, rays * TILE_BYTES_PER_RAY)
@@ -203,11 +192,12 @@ class Tracer:
         work = self._workspace
         counts = np.empty((len(rays), len(self.windows.pixels), *self._bins), np.uint64)
         done, total = 0, int(rays.sum()) * self.streams
-        self.kernel_seconds = 0.0
+        self._pace.kernel_seconds = 0.0
         work.clear(self._ledger)
         for replicate, of_stream in enumerate(rays):
             work.clear(self._counts)
-            for part in plan_launches(self.streams, int(of_stream), lambda: launch_rays or self._launch_rays()):
+            pace = (lambda: launch_rays) if launch_rays else self._pace.launch_rays
+            for part in plan_launches(self.streams, int(of_stream), pace, MAX_RAYS_PER_ITEM):
                 self._launch(replicate, *part)
                 done += part[1] * part[3]
                 if progress is not None:
@@ -226,33 +216,19 @@ class Tracer:
         """
         of_stream = max(rays // self.streams, MIN_TIMED_RAYS)
         streams = max(1, min(self.streams, rays // of_stream))
-        self.kernel_seconds = 0.0
+        self._pace.kernel_seconds = 0.0
         self._launch(0, (self.streams - streams) // 2, streams, 0, of_stream)
         return of_stream * streams / self.kernel_seconds
 
-    def _launch_rays(self) -> int:
-        return int(self._rays_per_second * LAUNCH_SECONDS) or FIRST_LAUNCH_RAYS
+    @property
+    def kernel_seconds(self) -> float:
+        return self._pace.kernel_seconds
 
     def _launch(self, replicate: int, first_stream: int, streams: int, first_ray: int, rays: int) -> None:
         per_item = max(1, min(rays, MAX_RAYS_PER_ITEM))
-        launch = np.zeros((), LAUNCH)
-        for name, value in {
-            "first_ray": first_ray,
-            "ray_count": rays,
-            "rays_per_item": per_item,
-            "first_stream": first_stream,
-            "replicate": replicate,
-            "seed_low": self.options.seed & 0xFFFFFFFF,
-            "seed_high": self.options.seed >> 32,
-            "screen_columns": self.scene.screen.pixels[0],
-            "screen_rows": self.scene.screen.pixels[1],
-            "detector_pixels": self._detector_pixels,
-            "window_columns": self.windows.columns,
-            "window_rows": self.windows.rows,
-        }.items():
-            launch[name] = value
+        part = (first_stream, streams, first_ray, rays)
+        launch = launch_structure(self.scene, self.options, replicate, part, per_item)
+        launch["window_columns"], launch["window_rows"] = self.windows.columns, self.windows.rows
         parts = max(1, -(-rays // per_item))
         seconds = self._workspace.launch((streams, parts), [*self._before, launch, *self._after])
-        self.kernel_seconds += seconds
-        if rays:
-            self._rays_per_second = max(streams * rays / max(seconds, 1e-6), 1e6)
+        self._pace.launched(streams * rays, seconds)

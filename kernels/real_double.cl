@@ -4,3 +4,4 @@
 #define REAL double
 #define MASK long
 #define real_sqrt_scalar(x) __builtin_sqrt(x)
+#define REAL_EPSILON 0x1p-52

@@ -3,3 +3,4 @@
 #define REAL float
 #define MASK int
 #define real_sqrt_scalar(x) __builtin_sqrtf(x)
+#define REAL_EPSILON 0x1p-23f

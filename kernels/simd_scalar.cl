@@ -32,6 +32,7 @@ INLINE intv count_mask(intv counts, maskv mask) { return counts + mask; }
 INLINE uint count_lanes(intv counts) { return (uint)counts; }
 
 INLINE ulong mask_word(maskv mask) { return mask; }
+#define ALL_LANES 1UL
 INLINE int lowest_lane(ulong word) { return 0; }
 
 INLINE wordv reverse_bits(wordv x) {

@@ -60,6 +60,8 @@ INLINE ulong mask_word(maskv mask) {
     return word;
 }
 
+#define ALL_LANES (0x0101010101010101UL * ((1 << WIDTH / 8) - 1))   // mask_word of a full mask
+
 INLINE int lowest_lane(ulong word) {
     const int bit = __builtin_ctzl(word);
     return bit / 8 + bit % 8 * 8;

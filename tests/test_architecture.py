@@ -12,10 +12,11 @@ PACKAGE = ROOT / "irtscots_cl"
 
 # Every module of the package, in order: each may import only modules before it.
 MATHEMATICS = ("geometry", "zernikes", "zonal", "integration")
-DESCRIPTION = ("checked", "scene", "presets", "surface", "scatter", "calibration", "pixelmap", "cells", "pixellight")
+DESCRIPTION = ("checked", "element", "scene", "presets", "surface", "scatter", "calibration", "pixelmap", "cells",
+               "pixellight")  # fmt: skip
 DEVICE = ("interface", "device", "program", "execution")
-TRACING = ("windows", "samplers", "options", "aiming", "packing", "transport", "analytic", "tracer", "probes",
-           "precision")  # fmt: skip
+TRACING = ("windows", "samplers", "options", "launches", "aiming", "packing", "transport", "analytic", "parts",
+           "paths", "nonsequential", "tracer", "probes", "precision")  # fmt: skip
 IMAGING = ("images", "patterns", "detector")
 MEASURING = ("lightcurves", "centroids", "profiles", "phase", "slopes", "reconstruction", "refinement", "measures",
              "prediction")  # fmt: skip
@@ -24,12 +25,13 @@ ASSEMBLY = ("comparison", "errorparts", "files", "report", "plots", "studies", "
 ORDER = MATHEMATICS + DESCRIPTION + DEVICE + TRACING + IMAGING + MEASURING + ASSEMBLY
 
 MAY_IMPORT_PYOPENCL = {"device", "program", "execution"}
-WITHOUT_NUMPY = {"__init__", "checked", "scene", "presets", "cli", "__main__"}  # so that they start fast
+WITHOUT_NUMPY = {"__init__", "checked", "element", "scene", "presets", "cli", "__main__"}  # so that they start fast
 ONLY_FROM = {
     "surface": {"geometry", "zernikes"},
     "calibration": {"scene", "surface", "geometry"},
     "presets": {"checked", "scene"},
-    "scene": {"checked"},
+    "scene": {"checked", "element"},
+    "element": {"checked"},
 }
 # What knows the true surface. The measuring half gets images and the nominal scene.
 KNOWS_TRUTH = {"tracer", "transport", "windows", "packing", "samplers", "device", "program", "execution"}

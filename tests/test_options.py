@@ -40,8 +40,8 @@ def test_every_value_in_range_is_kept(given):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"estimator": "backward"}, "--estimator = 'backward': must be one of forward, adjoint, analytic"),
-        ({"estimator": ""}, "--estimator = '': must be one of forward, adjoint, analytic"),
+        ({"estimator": "backward"}, "--estimator = 'backward': must be one of forward, adjoint, analytic, nonsequential"),
+        ({"estimator": ""}, "--estimator = '': must be one of forward, adjoint, analytic, nonsequential"),
         ({"sampler": "halton"}, f"--sampler = 'halton': must be one of {', '.join(SAMPLERS)}"),
         ({"precision": "fp16"}, "--precision = 'fp16': must be one of fp32, fp64"),
         ({"seed": -1}, "--seed = -1: must be 0 to 2^64 - 1"),

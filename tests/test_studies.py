@@ -126,7 +126,7 @@ def test_eq2_sums_to_the_aperture_and_has_its_moments():
 def test_mean_difference_is_relative_and_of_lit_pixels_alone():
     ideal = np.array([[0.0, 1.0, 1.0, 0.01]])
     assert fig3._mean_difference(ideal, ideal) == 0.0
-    assert fig3._mean_difference(ideal, ideal + [[1.0, 0.1, -0.1, 0.5]]) == pytest.approx(10.0)
+    assert fig3._mean_difference(ideal, np.add(ideal, [[1.0, 0.1, -0.1, 0.5]])) == pytest.approx(10.0)
 
 
 def test_scatter_closed_forms():

@@ -254,13 +254,11 @@ def test_double_precision_is_refused_where_there_is_none(device, monkeypatch):
 )
 def test_launches_cover_every_ray_of_every_stream_once(streams, rays, per_item, sizes):
     wanted = iter(sizes * 10_000)  # the timed size may change from launch to launch
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "MAX_RAYS_PER_ITEM", per_item)
-        covered = np.zeros((streams, rays), int)
-        for first_stream, count, first_ray, ray_count in plan_launches(streams, rays, lambda: next(wanted)):
-            assert count >= 1 and ray_count >= 1
-            assert first_stream + count <= streams and first_ray + ray_count <= rays
-            covered[first_stream : first_stream + count, first_ray : first_ray + ray_count] += 1
+    covered = np.zeros((streams, rays), int)
+    for first_stream, count, first_ray, ray_count in plan_launches(streams, rays, lambda: next(wanted), per_item):
+        assert count >= 1 and ray_count >= 1
+        assert first_stream + count <= streams and first_ray + ray_count <= rays
+        covered[first_stream : first_stream + count, first_ray : first_ray + ray_count] += 1
     assert (covered == 1).all()
 
 

@@ -18,9 +18,9 @@ import numpy as np
 from irtscots_cl.bench.fits import fit_exponent
 from irtscots_cl.bench.wall import LIMITS, TIMES, time_on_cores, time_warm
 from irtscots_cl.device import Device, DeviceError
+from irtscots_cl.launches import MAX_RAYS_PER_ITEM
 from irtscots_cl.presets import load_scene
 from irtscots_cl.scene import Scene
-from irtscots_cl.tracer import MAX_RAYS_PER_ITEM
 
 ROUNDS = {True: 1, False: 3}  # quick or not
 RAYS = {True: (1e5, 1e6, 1e7), False: (1e6, 1e7, 1e8, 1e9, 1e10)}  # of the sweep over rays

@@ -15,9 +15,10 @@ import time
 
 from irtscots_cl.calibration import calibrate
 from irtscots_cl.device import Device, DeviceError, select_device
+from irtscots_cl.launches import MAX_RAYS_PER_ITEM
 from irtscots_cl.presets import load_scene
 from irtscots_cl.scene import Scene
-from irtscots_cl.tracer import MAX_RAYS_PER_ITEM, trace
+from irtscots_cl.tracer import trace
 
 TIMES = ("kernel_seconds", "trace_seconds", "total_seconds")
 LIMITS = ("POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT")  # PoCL since 4, before

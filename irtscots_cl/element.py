@@ -1,0 +1,102 @@
+"""What a test may contain beside mirror, screen and camera: lens surfaces, windows, baffles, further mirrors.
+
+Such elements are seen by the non-sequential tracer alone. An element has a frame of its own: origin at its vertex, +z
+(its front) towards `facing_mm`. Lengths in mm.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from irtscots_cl.checked import (
+    Conic,
+    Fraction,
+    NonNegativeMm,
+    OptionalFraction,
+    OptionalIndex,
+    OptionalMm,
+    OptionalSignedMm,
+    OptionalSizeMm,
+    PointMm,
+    SceneName,
+    checked,
+    refuse,
+)
+
+KINDS = ("mirror", "refractor", "lens", "absorber")
+RESERVED = ("screen", "mirror", "lens", "stop", "detector")  # names of what the scene itself puts there
+NEEDS = {"refractor": ("index_front", "index_back"), "lens": ("focal_length_mm",)}
+ALLOWS = {
+    "mirror": ("reflectance",),
+    "refractor": ("index_front", "index_back", "reflectance"),
+    "lens": ("focal_length_mm",),
+    "absorber": (),
+}
+
+
+@checked("element")
+class Element:
+    """A surface with what it does to light.
+
+    radius_mm: of curvature at the vertex, above 0 where the centre lies on the front; without it, a plane. Its aperture
+    is a disk (diameter_mm) with a hole (obscuration_mm), or a rectangle (size_mm: width along the element's x, height).
+    kind: "mirror" (front reflects `reflectance`, back is black), "refractor" (between index_front and index_back;
+    reflects as Fresnel says, or `reflectance` of a coating), "lens" (paraxial), "absorber".
+    """
+
+    name: SceneName
+    kind: Annotated[Literal["mirror", "refractor", "lens", "absorber"], Field(description=f"one of {', '.join(KINDS)}")]
+    position_mm: PointMm
+    facing_mm: PointMm
+    radius_mm: OptionalSignedMm = None
+    conic: Conic = 0.0
+    off_axis_mm: NonNegativeMm = 0.0
+    diameter_mm: OptionalMm = None
+    obscuration_mm: NonNegativeMm = 0.0
+    size_mm: OptionalSizeMm = None
+    reflectance: OptionalFraction = None
+    index_front: OptionalIndex = None
+    index_back: OptionalIndex = None
+    focal_length_mm: OptionalSignedMm = None
+    transmittance: Fraction = 1.0
+
+    @model_validator(mode="after")
+    def _check(self) -> Element:
+        if self.name in RESERVED:
+            refuse(("name",), self.name, f"be none of {', '.join(RESERVED)}, which the scene has anyway")
+        if self.position_mm == self.facing_mm:
+            refuse(("facing_mm",), self.facing_mm, "differ from position_mm, for a direction to face")
+        x, _, z = (b - a for a, b in zip(self.position_mm, self.facing_mm, strict=True))
+        if x == z == 0.0:
+            refuse(("facing_mm",), self.facing_mm, "not lie along Y from position_mm: no x axis")
+        if (self.diameter_mm is None) == (self.size_mm is None):
+            refuse(("diameter_mm",), self.diameter_mm, "be given, or else size_mm, and not both")
+        if self.diameter_mm is not None and not self.obscuration_mm < self.diameter_mm:
+            refuse(("obscuration_mm",), self.obscuration_mm, f"be below diameter_mm ({self.diameter_mm!r})")
+        self._check_kind()
+        self._check_shape()
+        return self
+
+    def _check_kind(self) -> None:
+        for key in ("reflectance", "index_front", "index_back", "focal_length_mm"):
+            value = getattr(self, key)
+            if value is None and key in NEEDS.get(self.kind, ()):
+                refuse((key,), value, f"be given for kind {self.kind!r}")
+            if value is not None and key not in ALLOWS[self.kind]:
+                refuse((key,), value, f"be left out for kind {self.kind!r}")
+        if self.kind == "lens" and self.radius_mm is not None:
+            refuse(("radius_mm",), self.radius_mm, "be left out: a paraxial lens is a plane")
+
+    def _check_shape(self) -> None:
+        if self.radius_mm is None:
+            for key in ("conic", "off_axis_mm"):
+                if getattr(self, key) != 0.0:
+                    refuse((key,), getattr(self, key), "be 0 for a plane; radius_mm makes it curved")
+            return
+        width, height = self.size_mm or (0.0, 0.0)
+        rim = self.off_axis_mm + max((self.diameter_mm or 0.0) / 2, (width**2 + height**2) ** 0.5 / 2)
+        if (1.0 + self.conic) * rim * rim >= self.radius_mm * self.radius_mm:
+            key = "diameter_mm" if self.size_mm is None else "size_mm"
+            refuse((key,), getattr(self, key), "end within the conic: its surface does not reach so far out")

@@ -1,0 +1,26 @@
+// The mirror as made, as an element: its design's quadric with a Zernike deviation along z. Frame: the mirror's, mm.
+#include "element.cl"
+#include "zernike_*.cl"
+
+// The deviation is a thousandth of what the element's rim is told by: rays meet the design.
+INLINE void meet_deviated(__constant Element *element, const Rays *rays, int v, int number, realv *nearest, intv *which) {
+    meet_quadric(element, rays, v, number, nearest, which);
+}
+
+INLINE vec3v deviated_point(__constant Scene *scene, __constant Element *element, const LocalRay *ray, realv step) {
+    vec3v point = quadric_point(scene, element, ray, step);
+    const vec3v normal = quadric_normal(scene, element, point);
+    realv slope_x, slope_y;
+    const realv height = zernike_deviation(&scene->zernike, point.x, point.y, &slope_x, &slope_y);
+    const realv go = height * normal.z / dot3(ray->along, normal);   // along the ray, to the deviated surface
+    return vector_along(point, go, ray->along);
+}
+
+INLINE vec3v deviated_normal(__constant Scene *scene, __constant Element *element, vec3v point) {
+    realv slope_x, slope_y;
+    point.z -= zernike_deviation(&scene->zernike, point.x, point.y, &slope_x, &slope_y);
+    const vec3v design = quadric_normal(scene, element, point);
+    const vec3v n = {design.x - slope_x * design.z, design.y - slope_y * design.z, design.z};
+    const realv inverse = 1 / real_sqrt(dot3(n, n));
+    return (vec3v){n.x * inverse, n.y * inverse, n.z * inverse};
+}

@@ -1,0 +1,48 @@
+// Rays of a non-sequential trace: a list of them per block, which loses the rays that end and stays dense.
+// Positions are world vectors from a group's origin: of the mirror, the camera, the screen or a far element. So points
+// near each other are told in small numbers, wherever they lie. Unit: mm.
+#include "simd_*.cl"
+
+// All fields of a ray: type of one lane, name. weight: share of the flux that it was emitted with. path: six bits per
+// event, the first in the highest place (path_push). key: its random word. last: the element that it stands on, or -1;
+// before: the one that it stood on before, where the two touch, else -1. reach: |x| + |y| + |z|.
+#define RAY_FIELDS(DO) \
+    DO(real, x) DO(real, y) DO(real, z) DO(real, dx) DO(real, dy) DO(real, dz) DO(real, weight) DO(real, reach) \
+    DO(uint, path_low) DO(uint, path_high) DO(uint, key) DO(int, group) DO(int, last) DO(int, before) DO(int, bounces)
+
+#define realV realv
+#define uintV uintv
+#define intV intv
+#define RAY_VECTOR(type, name) type##V name[BLOCK_VECTORS];
+typedef struct { RAY_FIELDS(RAY_VECTOR) } Rays;
+
+// Copies ray `from` of one list to place `to` of another, or of the same.
+INLINE void ray_copy(Rays *into, int to, const Rays *rays, int from) {
+    #define RAY_COPY(type, name) ((type *)into->name)[to] = ((const type *)rays->name)[from];
+    RAY_FIELDS(RAY_COPY)
+    #undef RAY_COPY
+}
+
+INLINE bool any_lane(maskv mask) { return mask_word(mask) != 0; }
+INLINE uint lanes_in(maskv mask) { return (uint)popcount(mask_word(mask)); }
+
+// What happened at an element; with the element's number it is one digit of the path. A path keeps its last ten events.
+enum { EVENT_NOMINAL, EVENT_GHOST, EVENT_SCATTER, EVENT_KINDS };
+#define PATH_BITS 6
+
+INLINE void path_push(uintv *low, uintv *high, uintv digit) {
+    *high = *high << PATH_BITS | *low >> (32 - PATH_BITS);
+    *low = *low << PATH_BITS | digit;
+}
+
+// A random word for a named use at this point of a ray's path: a hash of both (the finalizer of MurmurHash3), so a pure
+// function of seed, replicate, stream, ray and path.
+INLINE uintv path_word(uintv key, uintv path_low, uintv path_high, uint use) {
+    uintv word = key + path_low * 0x9E3779B1u + path_high * 0x85EBCA77u + use * 0xC2B2AE3Du;
+    word = (word ^ word >> 16) * 0x85ebca6bu;
+    word = (word ^ word >> 13) * 0xc2b2ae35u;
+    return word ^ word >> 16;
+}
+
+INLINE realv magnitude(realv x) { return x < 0 ? -x : x; }
+INLINE realv reach_of(realv x, realv y, realv z) { return magnitude(x) + magnitude(y) + magnitude(z); }

@@ -1,0 +1,245 @@
+// Non-sequential estimator: rays leave the screen, aimed at the mirror, and go from element to element in whatever order
+// they meet them, until they end. What ends on the detector is kept by path and by class of path.
+//
+// ELEMENTS(DO) is the scene's list of elements, made on the host: DO(shape, kind, number) for each. shape: plane or
+// quadric; kind: that of an interact_* file.
+#include "emission.cl"
+#include "interaction.cl"
+#include "keys_*.cl"
+#include "sum64.cl"
+
+enum { PATH_DETECTED, PATH_ESCAPED, PATH_BOUNCE_LIMIT, PATH_FAILED, PATH_ABSORBED };   // then one for each element
+#define MAX_SUMS 192   // PATH_ABSORBED + 20 elements + 2 x 64 paths
+
+// Path, a path that is kept: scale makes weights whole numbers below 2^31, so that 2^33 rays fit a sum; kind: the
+// strangest of its events, an EVENT_*; class_scale: the same for the images of all paths of that kind.
+typedef struct {
+    __constant Scene *scene;
+    __constant Element *elements;
+    const Launch *launch;
+    __global const Path *paths;
+    __global uint *sums;          // 64-bit: [fates and elements] rays, then for each path its rays and its flux
+    __global uint *images;        // 64-bit: [classes][screen columns and rows][detector pixels]
+    __global uint *found;         // number of entries, then (low, high, weight's bits) of detected rays
+    const PathJob *job;
+    ulong *own;                   // the work-item's part of sums, added to them at its end
+    int column, row;              // the screen pixel
+} Trace;
+
+INLINE void count_rays(const Trace *trace, int fate, uint count) { trace->own[fate] += count; }
+
+// Keeps one detected ray at (u, v) of the detector's frame, whose z runs along the light: the image is upside down.
+INLINE void detect(const Trace *trace, real u, real v, real weight, uint low, uint high) {
+    const Launch *launch = trace->launch;
+    __constant Scene *scene = trace->scene;
+    const int columns = scene->detector_columns, rows = scene->detector_rows;
+    const real column = (real)0.5 * columns - u * scene->inverse_detector_pitch;
+    const real row = (real)0.5 * rows - v * scene->inverse_detector_pitch;
+    if (!(column >= 0 && column < columns && row >= 0 && row < rows)) return count_rays(trace, PATH_FAILED, 1);
+    count_rays(trace, PATH_DETECTED, 1);
+    if (trace->job->found_size > 0) {
+        const uint entry = atomic_inc(trace->found);
+        if (entry < (uint)trace->job->found_size) {
+            trace->found[3 * entry + 1] = low;
+            trace->found[3 * entry + 2] = high;
+            trace->found[3 * entry + 3] = as_uint((float)weight);
+        }
+        return;
+    }
+    int p = 0;
+    while (p < trace->job->path_count - 1 && (trace->paths[p].low != low || trace->paths[p].high != high)) ++p;
+    const Path path = trace->paths[p];   // the last one stands for all others
+    const int base = PATH_ABSORBED + trace->job->element_count + 2 * p;
+    trace->own[base] += 1;
+    trace->own[base + 1] += (ulong)((float)weight * path.scale + 0.5f);
+    const ulong amount = (ulong)((float)weight * path.class_scale + 0.5f);
+    const size_t pixel = (int)row * columns + (int)column, lines = launch->screen_columns + launch->screen_rows;
+    const size_t pixels = launch->detector_pixels, first = path.kind * lines;
+    sum64_add(trace->images, (first + trace->column) * pixels + pixel, amount);
+    sum64_add(trace->images, (first + launch->screen_columns + trace->row) * pixels + pixel, amount);
+}
+
+// The rays that leave the screen, into the list. Their frame is the screen's group: small numbers.
+INLINE void emit(const Trace *trace, const Emitter *emitter, const Words *words, const Words *keys, Rays *rays) {
+    __constant Frame *screen = &trace->scene->screen;
+    for (int v = 0; v < BLOCK_VECTORS; ++v) {
+        const Direction aim = forward_aim(emitter, words, v);
+        const realv n = -real_sqrt(1 - aim.l * aim.l - aim.m * aim.m);
+        const realv x = emitter->x + trace->scene->screen_pitch * uniform_centred(ray_words(words, FORWARD_PIXEL_X, v));
+        const realv y = emitter->y + trace->scene->screen_pitch * uniform_centred(ray_words(words, FORWARD_PIXEL_Y, v));
+        rays->x[v] = screen->axis_x[0] * x + screen->axis_y[0] * y;
+        rays->y[v] = screen->axis_y[1] * y;
+        rays->z[v] = screen->axis_x[2] * x + screen->axis_y[2] * y;
+        rays->dx[v] = screen->axis_x[0] * aim.l + screen->axis_y[0] * aim.m + screen->axis_z[0] * n;
+        rays->dy[v] = screen->axis_y[1] * aim.m + screen->axis_z[1] * n;
+        rays->dz[v] = screen->axis_x[2] * aim.l + screen->axis_y[2] * aim.m + screen->axis_z[2] * n;
+        rays->reach[v] = reach_of(rays->x[v], rays->y[v], rays->z[v]);
+        rays->weight[v] = (realv)(emitter->aim_ll * emitter->aim_mm * trace->job->inverse_unit_area);
+        rays->path_low[v] = rays->path_high[v] = (uintv)(0);
+        rays->key[v] = ray_words(keys, 0, v);
+        rays->group[v] = (intv)(trace->job->screen_group);
+        rays->last[v] = (intv)(trace->job->screen_element);
+        rays->before[v] = (intv)(-1);
+        rays->bounces[v] = (intv)(0);
+    }
+}
+
+INLINE Interaction interaction_begin(const Rays *rays, int v, const LocalRay *ray, int number) {
+    Interaction at;
+    at.along = at.goes = ray->along;
+    at.weight = (realv)(1);
+    at.event = (intv)(EVENT_NOMINAL);
+    at.ends = to_mask(at.event != at.event);
+    at.draw = path_word(rays->key[v], rays->path_low[v], rays->path_high[v], number);
+    return at;
+}
+
+// Back to the world, from the origin of the element's own group.
+INLINE void interaction_end(__constant Element *element, Rays *rays, int v, int number, maskv meets, realv bound, realv step,
+                            const Interaction *at) {
+    __constant real *x = element->axis_x, *y = element->axis_y, *z = element->axis_z, *o = element->origin;
+    const vec3v p = at->point, d = at->goes;
+    rays->x[v] = meets ? x[0] * p.x + y[0] * p.y + z[0] * p.z + o[0] : rays->x[v];
+    rays->y[v] = meets ? x[1] * p.x + y[1] * p.y + z[1] * p.z + o[1] : rays->y[v];
+    rays->z[v] = meets ? x[2] * p.x + y[2] * p.y + z[2] * p.z + o[2] : rays->z[v];
+    rays->dx[v] = meets ? x[0] * d.x + y[0] * d.y + z[0] * d.z : rays->dx[v];
+    rays->dy[v] = meets ? x[1] * d.x + y[1] * d.y + z[1] * d.z : rays->dy[v];
+    rays->dz[v] = meets ? x[2] * d.x + y[2] * d.y + z[2] * d.z : rays->dz[v];
+    rays->reach[v] = reach_of(rays->x[v], rays->y[v], rays->z[v]);
+    rays->weight[v] = meets ? rays->weight[v] * at->weight : rays->weight[v];
+    uintv low = rays->path_low[v], high = rays->path_high[v];
+    path_push(&low, &high, as_uintv(at->event + (EVENT_KINDS * number + 1)));
+    const intv here = to_int(meets);
+    rays->path_low[v] = here != 0 ? low : rays->path_low[v];
+    rays->path_high[v] = here != 0 ? high : rays->path_high[v];
+    const intv touches = here & to_int(step <= bound);
+    rays->before[v] = here != 0 ? (touches != 0 ? rays->last[v] : (intv)(-1)) : rays->before[v];
+    rays->last[v] = here != 0 ? (intv)(number) : rays->last[v];
+    rays->group[v] = here != 0 ? (intv)(element->group) : rays->group[v];
+}
+
+// What becomes of rays at an element, where `meets`: those that end are counted as absorbed by it, or detected. Returns
+// which of them end.
+#define FINISH_ABSORBED(kind)                                                                                \
+    INLINE maskv finish_##kind(const Trace *trace, const Rays *rays, int v, int number, maskv meets,         \
+                               const Interaction *at) {                                                      \
+        const maskv ended = meets & at->ends;                                                                \
+        count_rays(trace, PATH_ABSORBED + number, lanes_in(ended));                \
+        return ended;                                                                                        \
+    }
+#define leave_mirror interaction_end
+#define leave_lens interaction_end
+#define leave_refractor interaction_end
+#define leave_detector interaction_end
+#define leave_absorber(...)   // nothing leaves it
+FINISH_ABSORBED(mirror)
+FINISH_ABSORBED(absorber)
+FINISH_ABSORBED(lens)
+FINISH_ABSORBED(refractor)
+
+INLINE maskv finish_detector(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at) {
+    const maskv front = meets & (dot3(at->along, at->normal) > 0), back = meets & !front;
+    count_rays(trace, PATH_ABSORBED + number, lanes_in(back));
+    for (ulong lanes = mask_word(front); lanes != 0; lanes &= lanes - 1) {
+        const int k = lowest_lane(lanes);
+        detect(trace, ((const real *)&at->point.x)[k], ((const real *)&at->point.y)[k], ((const real *)&rays->weight[v])[k],
+               ((const uint *)&rays->path_low[v])[k], ((const uint *)&rays->path_high[v])[k]);
+    }
+    return meets;
+}
+
+// The nearest element ahead of each ray of a list, and how far it is; NONE of a ray that escapes, ENDED of one that ended
+// there.
+typedef struct { realv step[BLOCK_VECTORS]; intv which[BLOCK_VECTORS]; } Nearest;
+#define NONE (-1)
+#define ENDED (-2)
+
+// All elements in turn, each with all rays: in short loops a processor sees enough rays at a time. Their interactions are
+// taken ray by ray again: two thirds of that rate in loops by element.
+#define MEET(shape, kind, number) \
+    for (int v = 0; v < vectors; ++v) \
+        meet_##shape(&trace->elements[number], rays, v, number, &nearest->step[v], &nearest->which[v]);
+
+#define INTERACT(shape, kind, number)                                                                        \
+    {                                                                                                        \
+        const maskv meets = to_mask(which == (number));                                                      \
+        if (any_lane(meets)) {                                                                               \
+            __constant Element *element = &trace->elements[number];                                          \
+            const Offset offset = group_offset(element, rays->group[v]);                                     \
+            const LocalRay ray = element_ray(element, rays, v, &offset);                                     \
+            Interaction at = interaction_begin(rays, v, &ray, number);                                       \
+            at.point = shape##_point(trace->scene, element, &ray, step);                                     \
+            at.normal = shape##_normal(trace->scene, element, at.point);                                     \
+            interact_##kind(element, &at);                                                                   \
+            leave_##kind(element, rays, v, number, meets, element_bound(rays, v, &offset), step, &at);       \
+            const maskv ended = finish_##kind(trace, rays, v, number, meets, &at);                           \
+            after = to_int(ended) != 0 ? (intv)(ENDED) : after;                                              \
+        }                                                                                                    \
+    }
+
+INLINE void find_nearest(const Trace *trace, const Rays *rays, int count, Nearest *nearest) {
+    const int vectors = (count + WIDTH - 1) / WIDTH;
+    for (int v = 0; v < vectors; ++v) {
+        nearest->step[v] = (realv)(INFINITY);
+        nearest->which[v] = (intv)(NONE);
+    }
+    ELEMENTS(MEET)
+    const intv beyond = as_intv(lane_index()) + (vectors - 1) * WIDTH;   // of the list's end
+    nearest->which[vectors - 1] = beyond < count ? nearest->which[vectors - 1] : (intv)(ENDED);
+}
+
+// The rays of vector v through their elements. Returns those that go on, as mask_word gives them; others are counted.
+INLINE ulong step_rays(const Trace *trace, Rays *rays, int v, realv step, intv which) {
+    intv after = which;
+    ELEMENTS(INTERACT)
+    rays->bounces[v] = rays->bounces[v] + 1;
+    const maskv goes = to_mask(after >= 0), tired = goes & to_mask(rays->bounces[v] >= trace->job->bounce_limit);
+    count_rays(trace, PATH_ESCAPED, lanes_in(to_mask(which == NONE)));
+    count_rays(trace, PATH_BOUNCE_LIMIT, lanes_in(tired));
+    return mask_word(goes & !tired);
+}
+
+// All rays of the list to their ends; after each step the list closes up.
+INLINE void trace_rays(const Trace *trace, Rays *rays, int count) {
+    Nearest nearest;
+    while (count > 0) {
+        int left = 0;
+        find_nearest(trace, rays, count, &nearest);
+        for (int v = 0; v * WIDTH < count; ++v) {
+            const ulong alive = step_rays(trace, rays, v, nearest.step[v], nearest.which[v]);
+            if (alive == ALL_LANES && left == v * WIDTH) left += WIDTH;   // they are where they belong
+            else
+                for (ulong lanes = alive; lanes != 0; lanes &= lanes - 1)
+                    ray_copy(rays, left++, rays, v * WIDTH + lowest_lane(lanes));
+        }
+        count = left;
+    }
+}
+
+// Parameters: as members of Trace. Grid: (screen pixels of this launch, parts of its rays).
+// Assumes: sums, images and the first word of found zeroed before the replicate's first launch.
+__kernel void trace_paths(__constant Scene *scene, const Launch launch, __global const Emitter *emitters,
+                          __constant Element *elements, __global const Path *paths, __global uint *sums,
+                          __global uint *images, __global uint *found, const PathJob job) {
+    const uint stream = launch.first_stream + get_global_id(0);
+    const ulong begin = launch.first_ray + get_global_id(1) * launch.rays_per_item;
+    const ulong end = min(begin + launch.rays_per_item, launch.first_ray + launch.ray_count);
+    const int sums_size = PATH_ABSORBED + job.element_count + 2 * job.path_count;
+    ulong own[MAX_SUMS];
+    for (int k = 0; k < sums_size; ++k) own[k] = 0;
+    const Trace trace = {scene, elements, &launch, paths, sums, images, found, &job, own,
+                         stream % launch.screen_columns, stream / launch.screen_columns};
+    const Emitter emitter = emitters[stream];
+    Sampler sampler;
+    sampler_begin(&sampler, &launch, stream);
+    Words words, keys;
+    Rays rays;
+    for (ulong first = begin; first < end; first += BLOCK) {
+        sampler_block(&sampler, first, &words);
+        path_keys(&launch, stream, first, &keys);
+        emit(&trace, &emitter, &words, &keys, &rays);
+        trace_rays(&trace, &rays, (int)min(end - first, (ulong)(BLOCK)));
+    }
+    for (int k = 0; k < sums_size; ++k)
+        if (own[k] != 0) sum64_add(sums, k, own[k]);
+}
