@@ -165,13 +165,16 @@ def element_dtype(real, groups: int) -> np.dtype:
     axis_*: its axes in the world; offset: from each group's origin to it, in its frame, and the sum of its magnitudes;
     origin: it from its own group's origin, in the world [mm]. q_*: geometry.Quadric. outer2, inner2: squares of the
     aperture's radii; half_u, half_v: of its width and height. reflectance: below 0 stands for Fresnel's. least_chance:
-    of either branch at a refractor.
+    of either branch at a refractor. scattered: TIS of a scattering mirror, whose rays part with scatter_chance;
+    scatter: of kernels/scatter_*.cl.
     """
     fields = [(name, real, 3) for name in ("axis_x", "axis_y", "axis_z", "origin")]
     fields += [("offset", real, (groups, 4))]
     names = ("q_xx", "q_yy", "q_zz", "q_xz", "outer2", "inner2", "half_u", "half_v", "reflectance", "index_front",
-             "index_back", "least_chance", "inverse_focal_length", "transmittance")  # fmt: skip
-    return np.dtype(fields + [(name, real) for name in names] + [("group", np.int32)], align=True)
+             "index_back", "least_chance", "inverse_focal_length", "transmittance", "scattered",
+             "scatter_chance")  # fmt: skip
+    fields += [(name, real) for name in names] + [("scatter", real, 3), ("group", np.int32)]
+    return np.dtype(fields, align=True)
 
 
 PATH = np.dtype(
@@ -186,14 +189,16 @@ PATH = np.dtype(
 )
 
 
-def path_job_dtype(real) -> np.dtype:
+def path_job_dtype(real, groups: int) -> np.dtype:
     """What a non-sequential launch is about: sizes of its tables, and where its rays start.
 
     found_size: entries for found paths, 0 in a run that keeps images. screen_group, screen_element: that rays start in
-    and on. inverse_unit_area: 1 / aim_ll aim_mm of the emitter whose rays weigh 1.
+    and on. inverse_unit_area: 1 / aim_ll aim_mm of the emitter whose rays weigh 1. aperture: from each group's origin
+    to the middle of the camera's aperture, in the world [mm].
     """
     names = ("path_count", "element_count", "found_size", "bounce_limit", "screen_group", "screen_element")
-    return np.dtype([(name, np.int32) for name in names] + [("inverse_unit_area", real)], align=True)
+    fields = [(name, np.int32) for name in names]
+    return np.dtype([*fields, ("inverse_unit_area", real), ("aperture", real, (groups, 3))], align=True)
 
 
 _C_NAMES = {

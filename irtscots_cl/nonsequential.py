@@ -19,15 +19,18 @@ from irtscots_cl.packing import pack
 from irtscots_cl.parts import Part, groups_of, on_screen, parts_of
 from irtscots_cl.paths import KINDS, MAX_EVENTS, PathFlux, PathLight, kind_of, name_of
 from irtscots_cl.program import Source, check_precision, compose
+from irtscots_cl.scatter import ABg, Harvey
 from irtscots_cl.scene import Scene
 
-ENDS = ("detected", "escaped", "bounce limit", "failed")  # then one per element, absorbed: kernels/trace_paths.cl
+# As in kernels/finish.cl: then one per element, absorbed. "parted" are no end, but rays beside those launched.
+ENDS = ("detected", "escaped", "bounce limit", "failed", "parted")
 KEPT_PATHS = 64  # the most powerful ones and, last, all others
 PILOT_RAYS = 2**22  # that look for paths
 PILOT = 2**20  # their replicate, which no run has
 FOUND_SIZE = 2**20  # detected rays that a pilot can tell of
 SCALE_BITS = 22  # of a path's largest weight in the pilot; leaves 2^9 for larger ones
 MAX_IMAGE_BYTES = 2**31
+SCATTER_CHANCE = 0.125  # of a ray to send another towards the camera from where it scatters
 MAX_RAYS_PER_ITEM = 2**16
 FIRST_LAUNCH_RAYS = 2**20  # before a launch has been timed
 
@@ -112,9 +115,9 @@ class PathTracer:
         self.scene, self.options, self.parts, self._pace = scene, options, parts_of(scene), Pace()
         real, packed = PRECISIONS[options.precision], pack(calibration, options.precision)
         elements = pack_elements(scene, self.parts, real, least_chance)
-        self.source = _compose(packed, self.parts, elements, options, device)
         sources, area = emitters(calibration, options.precision, options.overfill, options.aim)
         self.streams, self._job = len(sources), _job(scene, self.parts, real, bounce_limit, sources)
+        self.source = _compose(packed, self.parts, elements, self._job, options, device)
         self.unit_w = scene.screen.radiance * scene.screen.pitch_mm**2 * float(area.max())
         self._image_shape = (len(KINDS), sum(scene.screen.pixels), int(np.prod(scene.camera.detector.pixels)))
         self._sums_shape = (len(ENDS) + len(self.parts) + 2 * KEPT_PATHS,)
@@ -164,11 +167,16 @@ class PathTracer:
         return images, sums
 
     def ends(self, sums: np.ndarray, launched: int) -> dict[str, int]:
-        """Rays of all replicates by where they ended. AssertionError if they are not those launched: a bug."""
+        """Rays of all replicates by where they ended; they add up to those launched and those that parted from others.
+
+        AssertionError if not: a bug.
+        """
         names = (*ENDS, *(f"absorbed by {part.name}" for part in self.parts))
         found = dict(zip(names, (int(n) for n in sums.sum(0)[: len(names)]), strict=True))
-        assert sum(found.values()) == launched, f"{launched} rays launched, {sum(found.values())} accounted for"
-        return {"launched": launched} | found
+        parted = found.pop("parted")
+        ended = sum(found.values())
+        assert ended == launched + parted, f"{launched + parted} rays launched and parted, {ended} accounted for"
+        return {"launched": launched, "parted": parted} | found
 
     def fluxes(self, sums: np.ndarray, kept: Kept, rays: np.ndarray) -> tuple[PathFlux, ...]:
         """Flux of every path, by power, and last of all others."""
@@ -218,20 +226,37 @@ def pack_elements(scene: Scene, parts: tuple[Part, ...], real, least_chance: flo
         entry["index_front"], entry["index_back"] = part.index_front, part.index_back
         entry["least_chance"], entry["transmittance"] = least_chance, part.transmittance
         entry["inverse_focal_length"], entry["group"] = 1 / part.focal_length_mm, of
+        if part.scatter is not None:
+            entry["scattered"], entry["scatter_chance"] = float(part.scatter.tis_at()), SCATTER_CHANCE
+            entry["scatter"] = _scatter_numbers(part.scatter)
     return out
 
 
-def _compose(packed, parts: tuple[Part, ...], elements: np.ndarray, options: TraceOptions, device: Device) -> Source:
+def _scatter_numbers(model) -> tuple[float, float, float]:
+    """What the model's kernels/scatter_*.cl wants."""
+    if isinstance(model, Harvey):
+        return float(model.bsdf(0.0)), 1 / model.l**2, model.s / 2
+    if isinstance(model, ABg):
+        return model.a, model.b, model.g / 2
+    return float(model.bsdf(0.0)), 0.0, 0.0
+
+
+def _compose(packed, parts: tuple[Part, ...], elements, job, options: TraceOptions, device: Device) -> Source:
     """The kernel's source, with the shapes and kinds of elements that there are and no others."""
-    chance = any(part.kind == "refractor" for part in parts)
-    choices = packed.choices | {"sampler": options.sampler, "keys": "random" if chance else "none"}
+    kinds, scattering = {part.kind for part in parts}, [p.scatter for p in parts if p.scatter is not None]
+    choices = packed.choices | {
+        "sampler": options.sampler,
+        "keys": "random" if kinds & {"refractor", "scattering"} else "none",
+        "spawn": "list" if scattering else "none",
+        "scatter": type(scattering[0]).__name__.lower() if scattering else "none",
+    }
     structs = packed.structs | {
-        "Element": elements.dtype, "Path": PATH, "PathJob": path_job_dtype(PRECISIONS[options.precision]),
+        "Element": elements.dtype, "Path": PATH, "PathJob": job.dtype,
     }  # fmt: skip
     # made of the program's own words: no text of a scene comes into a source
     calls = " ".join(f"DO({part.shape}, {part.kind}, {number})" for number, part in enumerate(parts))
     deviated = ("element_deviated.cl",) if any(part.shape == "deviated" for part in parts) else ()
-    first = (*deviated, *sorted({f"interact_{part.kind}.cl" for part in parts}))
+    first = (*deviated, *sorted(f"interact_{kind}.cl" for kind in kinds), *["finish_scattering.cl"] * bool(scattering))
     width = device.vector_width(options.precision)
     return compose("trace_paths.cl", choices, structs, options.precision, width, packed.constants,
                    {"ELEMENTS(DO)": calls}, first)  # fmt: skip
@@ -239,7 +264,9 @@ def _compose(packed, parts: tuple[Part, ...], elements: np.ndarray, options: Tra
 
 def _job(scene: Scene, parts: tuple[Part, ...], real, bounce_limit: int, sources: np.ndarray) -> np.ndarray:
     """The kernels' PathJob [()], but for what changes from launch to launch."""
-    job = np.zeros((), path_job_dtype(real))
+    origins, _ = groups_of(scene, parts)
+    job = np.zeros((), path_job_dtype(real, len(origins)))
+    job["aperture"] = np.array(scene.camera.position_mm) - origins
     job["element_count"], job["bounce_limit"] = len(parts), bounce_limit
     job["screen_group"], job["screen_element"] = 1, on_screen(scene, parts)
     job["inverse_unit_area"] = 1 / np.max(sources["aim_ll"] * sources["aim_mm"])
@@ -250,8 +277,9 @@ def _ledger(ends: dict[str, int]) -> dict[str, int]:
     """The ends in the words of all estimators' ledgers."""
     absorbed = sum(count for name, count in ends.items() if name.startswith("absorbed by "))
     return {
-        "launched": ends["launched"], "detected": ends["detected"], "missed_mirror": ends["escaped"], "clipped": 0,
-        "off_detector": 0, "off_screen": 0, "absorbed": absorbed, "failed": ends["failed"] + ends["bounce limit"],
+        "launched": ends["launched"] + ends["parted"], "detected": ends["detected"], "missed_mirror": ends["escaped"],
+        "clipped": 0, "off_detector": 0, "off_screen": 0, "absorbed": absorbed,
+        "failed": ends["failed"] + ends["bounce limit"],
     }  # fmt: skip
 
 

@@ -21,7 +21,8 @@ class Part:
     """One element. shape: "plane", "quadric" or "deviated"; kind: of a kernels/interact_*.cl.
 
     frame: z towards its front (the detector's and the camera's lens: along the light). outer_mm, inner_mm: radii of the
-    aperture; half_mm: of its width and height. reflectance: of a refractor, NaN for Fresnel's.
+    aperture; half_mm: of its width and height. reflectance: of a refractor, NaN for Fresnel's. scatter: of kind
+    "scattering", a scatter.ScatterModel.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Part:
     index_back: float = 1.0
     focal_length_mm: float = np.inf
     transmittance: float = 1.0
+    scatter: object = None
 
 
 def parts_of(scene: Scene) -> tuple[Part, ...]:
@@ -47,15 +49,18 @@ def parts_of(scene: Scene) -> tuple[Part, ...]:
 def _mirror(scene: Scene) -> Part:
     surface = Surface.of(scene.mirror)
     shape = "quadric" if surface.deviation is None else "deviated"
-    return Part("mirror", "mirror", shape, Frame(np.zeros(3), np.eye(3)), surface.quadric, surface.aperture_radius_mm,
-                surface.obscuration_radius_mm, reflectance=scene.mirror.reflectance)  # fmt: skip
+    kind = "mirror" if scene.mirror.scatter is None else "scattering"
+    return Part("mirror", kind, shape, Frame(np.zeros(3), np.eye(3)), surface.quadric, surface.aperture_radius_mm,
+                surface.obscuration_radius_mm, reflectance=scene.mirror.reflectance,
+                scatter=scene.mirror.scatter)  # fmt: skip
 
 
 def _camera(scene: Scene) -> list[Part]:
     camera, detector = scene.camera, scene.camera.detector
     frame = Frame.looking(camera.position_mm, camera.look_at_mm)
     half = tuple(n * detector.pitch_mm / 2 for n in detector.pixels)
-    behind = Frame(frame.position_mm + (camera.detector_distance_mm or camera.image_distance_mm) * frame.axes[2], frame.axes)
+    distance = camera.detector_distance_mm or camera.image_distance_mm
+    behind = Frame(frame.position_mm + distance * frame.axes[2], frame.axes)
     radius = camera.aperture_diameter_mm / 2
     rim = max(STOP_RIM * 2 * float(np.hypot(*half)), 4 * radius)
     stop = Part("stop", "absorber", "plane", frame, outer_mm=rim, inner_mm=radius)

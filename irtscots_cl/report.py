@@ -11,8 +11,10 @@ from pathlib import Path
 from irtscots_cl.comparison import Comparison, Estimate
 from irtscots_cl.errorparts import ErrorPart
 from irtscots_cl.files import write_text
+from irtscots_cl.paths import PathLight
 from irtscots_cl.prediction import PredictedError
 from irtscots_cl.reconstruction import Reconstruction
+from irtscots_cl.straylight import StrayLight
 from irtscots_cl.transport import LineLight, Transport
 
 
@@ -93,6 +95,60 @@ def build_report(
             for row in comparison.zernike
         ],
     }
+
+
+def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> dict:
+    """What `irtscots paths` tells of a non-sequential trace."""
+    direct = sum(path.flux_w for path in light.paths if path.kind == "direct")
+    return {
+        "scene": light.scene.name,
+        "device": light.device,
+        "sampler": light.options.sampler,
+        "precision": light.options.precision,
+        "seed": light.options.seed,
+        "replicates": light.replicates,
+        "rays_total": light.rays_total,
+        "seconds": light.seconds,
+        "rays_per_second": light.rays_total / light.seconds["trace"],
+        "ends": light.ends,
+        "direct_w": direct,
+        "stray_light": [
+            {"kind": s.kind, "of_direct": s.of_direct, "height_nm_rms": s.height_nm.value,
+             "height_nm_rms_standard_error": s.height_nm.standard_error, "lost_pixels": s.lost_pixels}
+            for s in stray
+        ],
+        "paths": [
+            {
+                "path": path.name,
+                "kind": path.kind,
+                "flux_w": path.flux_w,
+                "flux_standard_error_w": path.standard_error_w,
+                "of_direct": path.flux_w / direct if direct else math.nan,
+                "rays": path.rays,
+            }
+            for path in light.paths
+        ],
+    }
+
+
+def path_tables(facts: dict) -> list[Table]:
+    """The paths by flux, and where all rays ended."""
+    shown = [path for path in facts["paths"] if path["rays"]]
+    stray = [(s["kind"], f"{s['of_direct']:.3g}",
+              str(Estimate(s["height_nm_rms"], s["height_nm_rms_standard_error"])), str(s["lost_pixels"]))
+             for s in facts["stray_light"]]  # fmt: skip
+    ends = [(end, f"{count:,}") for end, count in facts["ends"].items() if count]
+    return [
+        Table(
+            f"{facts['scene']}: paths from the screen to the detector",
+            ("path", "kind", "flux [W]", "of direct", "rays"),
+            [(p["path"], p["kind"], str(Estimate(p["flux_w"], p["flux_standard_error_w"])), f"{p['of_direct']:.3g}",
+              f"{p['rays']:,}") for p in shown],
+        ),
+        *([Table("What it adds to the height, piston and tilt removed",
+                 ("light", "of direct", "height [nm rms]", "pixels lost"), stray)] if stray else []),
+        Table("Rays by where they ended", ("", ""), ends),
+    ]  # fmt: skip
 
 
 def _part(part: ErrorPart) -> dict:

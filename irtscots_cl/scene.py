@@ -92,9 +92,12 @@ class Mirror:
     obscuration_mm: NonNegativeMm = 0.0
     reflectance: Fraction = 1.0
     zernike: Annotated[tuple[ZernikeTerms, ...], Field(description="tables [[mirror.zernike]]")] = ()
+    scatter: Annotated[Any, Field(description="a table [mirror.scatter]")] = None
 
     @model_validator(mode="after")
     def _check(self) -> Mirror:
+        if self.scatter is not None and not hasattr(self.scatter, "tis_at"):
+            refuse(("scatter",), self.scatter, "be a model of irtscots_cl.scatter")
         if not self.obscuration_mm < self.diameter_mm:
             refuse(("obscuration_mm",), self.obscuration_mm, f"be below diameter_mm ({self.diameter_mm!r})")
         rim_mm, curvature = self.off_axis_mm + self.diameter_mm / 2, 1.0 + self.conic
@@ -243,7 +246,12 @@ class Scene:
         entries = mirror.get("zernike") if isinstance(mirror, dict) else None
         if isinstance(entries, list):
             terms = [_zernike_from_toml(e, source, ("mirror", "zernike", k)) for k, e in enumerate(entries)]
-            data = {**data, "mirror": {**mirror, "zernike": terms}}
+            mirror = {**mirror, "zernike": terms}
+        if isinstance(mirror, dict) and "scatter" in mirror:
+            from irtscots_cl.scatter import scatter_from_table  # few scenes wait for NumPy
+
+            mirror = {**mirror, "scatter": scatter_from_table(mirror["scatter"], source, ("mirror", "scatter"))}
+        data = {**data, "mirror": mirror} if isinstance(mirror, dict) else data
         return _validated(cls, data, source)
 
     def nominal(self) -> Scene:
@@ -306,8 +314,10 @@ def _toml_table(path: tuple[str, ...], part: Any) -> str:
     values, tables = "", ""
     for field in dataclasses.fields(part):
         value, inner = getattr(part, field.name), (*path, field.name)
-        if dataclasses.is_dataclass(value):
+        if dataclasses.is_dataclass(value) and field.name != "scatter":
             tables += f"\n[{'.'.join(inner)}]\n" + _toml_table(inner, value)
+        elif field.name == "scatter" and value is not None:
+            tables += f'\n[{".".join(inner)}]\nmodel = "{type(value).__name__.lower()}"\n' + _toml_table(inner, value)
         elif field.name == "element":
             for element in value:
                 tables += "\n[[element]]\n" + _toml_table(("element",), element)

@@ -103,6 +103,9 @@ def check_sequential(scene: Scene, estimator: str) -> None:
     must = f"must be left out with --estimator {estimator}, or --estimator be {NONSEQUENTIAL}"
     if scene.element:
         raise ValueError(f"scene {scene.name}: element[0].name = {scene.element[0].name!r}: {must}")
+    if scene.mirror.scatter is not None:
+        model = type(scene.mirror.scatter).__name__.lower()
+        raise ValueError(f"scene {scene.name}: mirror.scatter.model = {model!r}: {must}")
     if scene.camera.lens != "paraxial":
         raise ValueError(f"scene {scene.name}: camera.lens = {scene.camera.lens!r}: {must}")
 

@@ -20,8 +20,8 @@ TRACING = ("windows", "samplers", "options", "launches", "aiming", "packing", "t
 IMAGING = ("images", "patterns", "detector")
 MEASURING = ("lightcurves", "centroids", "profiles", "phase", "slopes", "reconstruction", "refinement", "measures",
              "prediction")  # fmt: skip
-ASSEMBLY = ("comparison", "errorparts", "files", "report", "plots", "studies", "pipeline", "targets", "stability",
-            "bench", "cli", "__main__")  # fmt: skip
+ASSEMBLY = ("comparison", "straylight", "errorparts", "files", "report", "plots", "studies", "pipeline", "targets",
+            "stability", "bench", "cli", "__main__")  # fmt: skip
 ORDER = MATHEMATICS + DESCRIPTION + DEVICE + TRACING + IMAGING + MEASURING + ASSEMBLY
 
 MAY_IMPORT_PYOPENCL = {"device", "program", "execution"}

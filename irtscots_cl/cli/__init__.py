@@ -11,11 +11,11 @@ import sys
 import warnings
 from typing import NoReturn
 
-from irtscots_cl.cli import bench, devices, kernel, reconstruct, reproduce, run, scenes, stability
+from irtscots_cl.cli import bench, devices, kernel, paths, reconstruct, reproduce, run, scenes, stability
 from irtscots_cl.cli.common import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_NO_DEVICE, fail
 from irtscots_cl.scene import SceneError
 
-COMMANDS = (run, scenes, devices, kernel, reconstruct, reproduce, bench, stability)
+COMMANDS = (run, scenes, devices, kernel, paths, reconstruct, reproduce, bench, stability)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -57,8 +57,9 @@ def add_trace_choices(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--estimator",
         metavar="E",
-        help="forward (rays leave the screen, as in the paper), adjoint (rays leave the detector: less noise) or "
-        "analytic (light curves in closed form: no rays, no noise); default adjoint",
+        help="forward (rays leave the screen, as in the paper), adjoint (rays leave the detector: less noise), "
+        "analytic (light curves in closed form: no rays, no noise) or nonsequential (all elements of the scene, in any "
+        "order); default adjoint",
     )
     parser.add_argument(
         "--sampler",

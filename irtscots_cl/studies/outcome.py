@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 FAILURE_CHANCE = 1e-5  # of a verdict's test, were theory and program right
 Z_LIMIT = float(stats.norm.isf(FAILURE_CHANCE / 2))
 AGREES, BETTER, INCONSISTENT = "agrees", "better", "paper inconsistent"
-DIFFERS, ALONE, NOT_YET = "differs", "ours alone", "not yet"
+DIFFERS, ALONE = "differs", "ours alone"
 ROUNDING = 1e-9  # relative, of numbers without any other error
 HEAD = ("quantity", "paper", "expected", "ours", "verdict", "because")
 

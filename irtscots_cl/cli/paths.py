@@ -1,0 +1,78 @@
+"""The command `irtscots paths`."""
+
+from __future__ import annotations
+
+import argparse
+
+from irtscots_cl.cli.common import (
+    DEVICE_HELP,
+    add_scene,
+    command,
+    print_json,
+    print_tables,
+    progress_bar,
+    visible_scene,
+)
+
+
+def add(commands) -> None:
+    parser = command(
+        commands,
+        "paths",
+        _execute,
+        "list the paths that light takes from the screen to the detector",
+        "Traces the scene with all its elements in any order: direct paths, ghosts, their flux, and what they add to "
+        "the measured height. (r) marks a reflection at an interface that should transmit.",
+    )
+    add_scene(parser)
+    parser.add_argument(
+        "--rays-per-pixel", type=int, default=2**16, metavar="N", help="rays per screen pixel; default 65536"
+    )
+    parser.add_argument(
+        "--replicates", type=int, default=8, metavar="R", help="independent parts, for error bars; default 8"
+    )
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the random numbers; default 1")
+    parser.add_argument("--sampler", default="philox", metavar="S", help="philox, sobol or lattice; default philox")
+    parser.add_argument("--precision", default="fp32", metavar="P", help="fp32 or fp64; default fp32")
+    parser.add_argument(
+        "--bounce-limit", type=int, default=10, metavar="B", help="events after which a ray is given up; default 10"
+    )
+    parser.add_argument(
+        "--least-chance",
+        type=float,
+        default=0.1,
+        metavar="C",
+        help="chance of a reflection at an interface, however small its share of the light: more of it, more rays "
+        "on ghosts; default 0.1",
+    )
+    parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
+
+
+def _execute(options: argparse.Namespace) -> int:
+    scene = visible_scene(options.scene)
+    from irtscots_cl.device import select_device
+    from irtscots_cl.nonsequential import trace_paths
+    from irtscots_cl.report import path_facts, path_tables
+    from irtscots_cl.straylight import stray_light
+
+    with progress_bar() as progress:
+        light = trace_paths(
+            scene,
+            device=select_device(options.device),
+            sampler=options.sampler,
+            precision=options.precision,
+            rays_per_pixel=options.rays_per_pixel,
+            replicates=options.replicates,
+            seed=options.seed,
+            bounce_limit=options.bounce_limit,
+            least_chance=options.least_chance,
+            progress=progress,
+        )
+    facts = path_facts(light, stray_light(light))
+    if options.json:
+        from irtscots_cl.files import plain
+
+        print_json(plain(facts))
+    else:
+        print_tables(path_tables(facts))
+    return 0
