@@ -8,16 +8,19 @@
 Map of the files, in layers; a file imports only from files above it:
 
     geometry, zernikes, zonal, integration                mathematics
-    checked, scene, presets, surface, calibration         what is tested, with what, and its chief rays
+    checked, scatter, element, scene, presets,
+    surface, calibration                                  what is tested, with what, and its chief rays
     pixelmap, cells, pixellight                           a detector pixel's light in closed form
     interface, device, program, execution                 OpenCL: no other file imports pyopencl
-    windows, samplers, options, aiming, packing,
-    transport, analytic, tracer, probes, precision                   scene + device -> Transport or light curves
+    windows, samplers, options, launches, aiming,
+    packing, transport, analytic, parts, paths,
+    nonsequential, tracer, probes, precision              scene + device -> Transport, light curves, light by path
     images, patterns                                      Transport -> image stack
     lightcurves, centroids, profiles, slopes,
     reconstruction, refinement, measures, prediction      image stack -> height; never sees the true surface
-    comparison, errorparts, files, report, plots,
-    studies, pipeline, targets, stability, bench, cli     assembly
+    comparison, straylight, errorparts, files, report,
+    plots, studies, pipeline, targets, stability, bench,
+    cli                                                   assembly
 
 The kernels are OpenCL C in kernels/: at the top of the repository, inside the package once it is installed.
 """
@@ -44,7 +47,9 @@ _PUBLIC = {
     "reconstruct": "reconstruction",
     "refine": "refinement",
     "select_device": "device",
+    "stray_light": "straylight",
     "trace": "tracer",
+    "trace_paths": "nonsequential",
     "zernike": "zernikes",
 }
 

@@ -30,6 +30,7 @@ PILOT = 2**20  # their replicate, which no run has
 FOUND_SIZE = 2**20  # detected rays that a pilot can tell of
 SCALE_BITS = 22  # of a path's largest weight in the pilot; leaves 2^9 for larger ones
 MAX_IMAGE_BYTES = 2**31
+LEAST_CHANCE = 0.1  # of either branch at an interface
 SCATTER_CHANCE = 0.125  # of a ray to send another towards the camera from where it scatters
 MAX_RAYS_PER_ITEM = 2**16
 FIRST_LAUNCH_RAYS = 2**20  # before a launch has been timed
@@ -46,7 +47,7 @@ def trace_paths(
     seed: int = 1,
     overfill: float = 1.0,
     bounce_limit: int = MAX_EVENTS,
-    least_chance: float = 0.1,
+    least_chance: float = LEAST_CHANCE,
     progress: Callable[[int, int], None] | None = None,
 ) -> PathLight:
     """Trace rays_per_pixel rays per screen pixel, aimed at the mirror, from element to element to their ends.
@@ -108,7 +109,14 @@ class PathTracer:
     kernel_seconds: of `run` so far. Raises DeviceError if the device cannot build or hold it.
     """
 
-    def __init__(self, scene: Scene, device: Device, options: TraceOptions, bounce_limit: int, least_chance: float):
+    def __init__(
+        self,
+        scene: Scene,
+        device: Device,
+        options: TraceOptions,
+        bounce_limit: int = MAX_EVENTS,
+        least_chance: float = LEAST_CHANCE,
+    ):
         check_precision(device, options.precision)
         calibration = calibrate(scene)
         check_visible(calibration, f"scene {scene.name}")

@@ -22,6 +22,11 @@ def preset_names() -> list[str]:
     return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
+def sequential_presets() -> list[str]:
+    """Those that every estimator sees all of."""
+    return [name for name in preset_names() if load_scene(name).is_sequential]
+
+
 def preset_text(name: str) -> str:
     """TOML text of a preset, comments included; SceneError for a name that is not in `preset_names()`."""
     names = preset_names()

@@ -254,6 +254,11 @@ class Scene:
         data = {**data, "mirror": mirror} if isinstance(mirror, dict) else data
         return _validated(cls, data, source)
 
+    @property
+    def is_sequential(self) -> bool:
+        """Whether its light goes from screen to mirror to a paraxial camera and nowhere else."""
+        return not self.element and self.camera.lens == "paraxial" and self.mirror.scatter is None
+
     def nominal(self) -> Scene:
         """The same test of the mirror as designed: without its deviation."""
         return dataclasses.replace(self, mirror=dataclasses.replace(self.mirror, zernike=()))

@@ -19,7 +19,7 @@ from irtscots_cl.device import Device
 from irtscots_cl.errorparts import rounding_height_nm
 from irtscots_cl.images import ImageStack
 from irtscots_cl.measures import MEASURES, measure_by
-from irtscots_cl.options import ANALYTIC, TraceOptions
+from irtscots_cl.options import ANALYTIC, ESTIMATORS, TraceOptions
 from irtscots_cl.patterns import LineScan
 from irtscots_cl.pipeline import Run, simulate
 from irtscots_cl.prediction import predict_error
@@ -65,8 +65,8 @@ def check_target(target_nm: float, estimator: str) -> None:
     """Refuse a target that is no number above 0, or an estimator without rays, with a ValueError."""
     if not 0 < target_nm < np.inf:
         raise ValueError(f"--target-nm = {target_nm}: must be above 0 and finite")
-    if estimator == ANALYTIC:
-        raise ValueError(f"--target-nm: --estimator = {estimator!r}: has no rays to choose; must be adjoint or forward")
+    if estimator not in ESTIMATORS:
+        raise ValueError(f"--target-nm: --estimator = {estimator!r}: must be one of {', '.join(ESTIMATORS)}")
 
 
 def plan(scene: Scene, target_nm: float, device: Device, **fixed) -> list[Setting]:

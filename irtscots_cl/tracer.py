@@ -99,15 +99,17 @@ def _trace_rays(scene: Scene, device: Device, options: TraceOptions, rays: np.nd
 
 
 def check_sequential(scene: Scene, estimator: str) -> None:
-    """Refuse, with a ValueError, a scene with elements that only the non-sequential estimator sees."""
-    must = f"must be left out with --estimator {estimator}, or --estimator be {NONSEQUENTIAL}"
+    """Refuse, with a ValueError, a scene with what only the non-sequential estimator sees."""
+    if scene.is_sequential:
+        return
     if scene.element:
-        raise ValueError(f"scene {scene.name}: element[0].name = {scene.element[0].name!r}: {must}")
-    if scene.mirror.scatter is not None:
-        model = type(scene.mirror.scatter).__name__.lower()
-        raise ValueError(f"scene {scene.name}: mirror.scatter.model = {model!r}: {must}")
-    if scene.camera.lens != "paraxial":
-        raise ValueError(f"scene {scene.name}: camera.lens = {scene.camera.lens!r}: {must}")
+        what = f"element[0].name = {scene.element[0].name!r}"
+    elif scene.mirror.scatter is not None:
+        what = f"mirror.scatter.model = {type(scene.mirror.scatter).__name__.lower()!r}"
+    else:
+        what = f"camera.lens = {scene.camera.lens!r}"
+    must = f"must be left out with --estimator {estimator}, or --estimator be {NONSEQUENTIAL}"
+    raise ValueError(f"scene {scene.name}: {what}: {must}")
 
 
 class Tracer:
@@ -133,6 +135,7 @@ class Tracer:
         accumulate: str | None = None,
     ):
         check_precision(device, options.precision)
+        check_sequential(calibration.scene, options.estimator)
         self.options, self.scene, self.windows = options, calibration.scene, place_windows(calibration, margin)
         self._detector_pixels = int(np.prod(calibration.shape))
         packed = pack(calibration, options.precision)

@@ -16,13 +16,13 @@ from irtscots_cl.interface import Fate
 from irtscots_cl.patterns import LineScan
 from irtscots_cl.pixellight import pixel_light
 from irtscots_cl.pixelmap import RAYS
-from irtscots_cl.presets import load_scene, preset_names
+from irtscots_cl.presets import load_scene, sequential_presets
 from irtscots_cl.scene import SceneError
 from irtscots_cl.tracer import trace
 from irtscots_cl.transport import LineLight
 
 FAILURE_CHANCE = 1e-6  # of all statistical statements of this file together
-STATEMENTS = 2 * 2 * len(preset_names()) * 2  # scenes, kinds of rays, axes, tests
+STATEMENTS = 2 * 2 * len(sequential_presets()) * 2  # scenes, kinds of rays, axes, tests
 CHANCE = FAILURE_CHANCE / STATEMENTS
 BIAS = 1e-5  # of a light curve's peak: what the closed form may differ by
 SMOOTHED, PLAIN = (True, 2**15), (False, 2**16)  # smoothing, rays per pixel: 3e8 and 6e8 rays in all
@@ -100,7 +100,7 @@ def mean_of(labels, difference, variance, least):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "smoothing", "rays"), [("sphere-deviated", *PLAIN), *((name, *SMOOTHED) for name in preset_names())]
+    ("name", "smoothing", "rays"), [("sphere-deviated", *PLAIN), *((name, *SMOOTHED) for name in sequential_presets())]
 )
 def test_light_curves_are_those_of_many_rays(device, name, smoothing, rays):
     """By place in the light curve, over all pixels: no line gets more or less light than it should."""
@@ -115,7 +115,7 @@ def test_light_curves_are_those_of_many_rays(device, name, smoothing, rays):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", preset_names())
+@pytest.mark.parametrize("name", sequential_presets())
 def test_light_curves_are_those_of_many_rays_everywhere_on_the_detector(device, name):
     """In tiles of 20 x 20 pixels, and over all single samples together: unbiased estimates of the bias squared."""
     if not device.has_fp64:
@@ -174,7 +174,7 @@ def test_radiance_reflectance_and_transmittance_scale_the_flux():
             np.testing.assert_allclose(scaled.flux_w[axis], factor * plain.flux_w[axis], rtol=1e-14)  # rounding
 
 
-@pytest.mark.parametrize("name", [*preset_names(), "narrow"])
+@pytest.mark.parametrize("name", [*sequential_presets(), "narrow"])
 def test_both_scans_get_all_of_a_pixel_s_light(name):
     run = analytic(name)
     x, y = (run.line_flux_w(axis)[0].sum(1) for axis in "xy")
@@ -196,7 +196,7 @@ def test_windows_edges_are_those_of_the_lines(name):
 # --- bookkeeping -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [*preset_names(), "narrow"])
+@pytest.mark.parametrize("name", [*sequential_presets(), "narrow"])
 def test_the_ledger_adds_up(name):
     run = analytic(name)
     ledger = dict(run.ledger)

@@ -12,7 +12,7 @@ PACKAGE = ROOT / "irtscots_cl"
 
 # Every module of the package, in order: each may import only modules before it.
 MATHEMATICS = ("geometry", "zernikes", "zonal", "integration")
-DESCRIPTION = ("checked", "element", "scene", "presets", "surface", "scatter", "calibration", "pixelmap", "cells",
+DESCRIPTION = ("checked", "scatter", "element", "scene", "presets", "surface", "calibration", "pixelmap", "cells",
                "pixellight")  # fmt: skip
 DEVICE = ("interface", "device", "program", "execution")
 TRACING = ("windows", "samplers", "options", "launches", "aiming", "packing", "transport", "analytic", "parts",
@@ -30,7 +30,7 @@ ONLY_FROM = {
     "surface": {"geometry", "zernikes"},
     "calibration": {"scene", "surface", "geometry"},
     "presets": {"checked", "scene"},
-    "scene": {"checked", "element"},
+    "scene": {"checked", "element", "scatter"},
     "element": {"checked"},
 }
 # What knows the true surface. The measuring half gets images and the nominal scene.

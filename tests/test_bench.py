@@ -19,7 +19,7 @@ from irtscots_cl.calibration import calibrate
 from irtscots_cl.files import plain
 from irtscots_cl.interface import Fate
 from irtscots_cl.options import TraceOptions
-from irtscots_cl.presets import load_scene, preset_names
+from irtscots_cl.presets import load_scene, sequential_presets
 from irtscots_cl.samplers import SAMPLERS
 from irtscots_cl.tracer import Tracer
 
@@ -47,7 +47,7 @@ def test_all_combinations_of_scene_estimator_sampler_and_precision(device):
     cases = throughput.default_cases(device, quick=False)
     found = {(c.scene.name, c.estimator, c.sampler, c.precision) for c in cases if c.group in SCENE_GROUPS}
     precisions = ("fp32", "fp64") if device.has_fp64 else ("fp32",)
-    assert found == set(itertools.product(preset_names(), ESTIMATORS, SAMPLERS, precisions))
+    assert found == set(itertools.product(sequential_presets(), ESTIMATORS, SAMPLERS, precisions))
 
 
 SCENE_GROUPS = ("scenes and samplers", "double precision")

@@ -8,9 +8,9 @@ from lopsided import lopsided
 from oracle import tracer
 from oracle_rays import adjoint_rays, forward_rays
 
-from irtscots_cl.presets import load_scene, preset_names
+from irtscots_cl.presets import load_scene, sequential_presets
 
-SCENES = [*preset_names(), "lopsided"]
+SCENES = [*sequential_presets(), "lopsided"]
 LANDING_MM = {"fp32": 1e-3, "fp64": 1e-6}  # 1 um and 1 nm: 1/200 and 1/200,000 of a screen pixel
 MIRROR_MM = {"fp32": 1e-3, "fp64": 1e-6}  # the same: 1/10,000 of a detector pixel's footprint
 WEIGHT = {"fp32": 1e-6, "fp64": 1e-14}  # of 1: ten roundings

@@ -8,11 +8,11 @@ import pytest
 
 from irtscots_cl import precision as module
 from irtscots_cl.precision import MAX_SLOPE_URAD, check_precision_of_scene, rounding_slope_urad
-from irtscots_cl.presets import load_scene, preset_names
+from irtscots_cl.presets import load_scene, sequential_presets
 from irtscots_cl.scene import Mirror
 
 
-@pytest.mark.parametrize("name", preset_names())
+@pytest.mark.parametrize("name", sequential_presets())
 def test_presets_are_far_from_the_bound_in_single_precision(name, device):
     error = rounding_slope_urad(load_scene(name), device, "fp32")
     assert 1e-4 < error < 0.02  # urad; 0.006 measured: a few of the 24 bits

@@ -14,7 +14,10 @@ from irtscots_cl import presets
 from irtscots_cl.presets import load_scene, preset_names, preset_text
 from irtscots_cl.scene import Scene, SceneError
 
-KNOWN = "allowed: off-axis, sphere, sphere-deviated, or a path that ends in .toml"
+NAMES = [
+    "baffled", "ghosts", "off-axis", "sphere", "sphere-deviated", "sphere-doublet", "sphere-singlet", "sphere-window",
+]  # fmt: skip
+KNOWN = f"allowed: {', '.join(NAMES)}, or a path that ends in .toml"
 
 
 def refusal(name_or_path):
@@ -25,8 +28,8 @@ def refusal(name_or_path):
     return message
 
 
-def test_the_three_scenes_are_shipped():
-    assert preset_names() == ["off-axis", "sphere", "sphere-deviated"]
+def test_the_scenes_are_shipped():
+    assert preset_names() == NAMES
     for name in preset_names():
         scene = load_scene(name)
         assert scene.name == name

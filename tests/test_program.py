@@ -28,6 +28,12 @@ FAMILIES = {
     "accumulate": ["tile", "atomic", "none"],
     "sampler": list(SAMPLERS),
 }
+# What only the non-sequential estimator chooses between.
+PATH_FAMILIES = {
+    "keys": ["none", "random"],
+    "spawn": ["none", "list"],
+    "scatter": ["lambertian", "harvey", "abg"],
+}
 STRUCTS = {"Launch": LAUNCH}
 
 
@@ -96,6 +102,11 @@ def test_no_kernel_file_is_dead():
     }
     for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
+    for members in itertools.product(*PATH_FAMILIES.values()):
+        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power"}
+        first = [path.name for path in kernels_folder().glob("interact_*.cl")]
+        first += ["element_deviated.cl", "finish_scattering.cl"]
+        used |= set(compose("trace_paths.cl", choices, STRUCTS, "fp32", 8, first=first).files)
     used |= set(compose("multiply_add.cl", {}, STRUCTS, "fp32", 8).files)  # the benchmark's own
     used |= set(compose("probe_sums.cl", {}, STRUCTS, "fp32", 8).files)
     assert used == {path.name for path in kernels_folder().iterdir()}
@@ -107,8 +118,8 @@ def test_families_here_are_those_of_the_folder():
         for path in kernels_folder().glob("*.cl")
         for star in re.findall(r'^#include "([a-z0-9]+)_\*\.cl"', path.read_text(), re.M)
     }
-    assert stars == {*FAMILIES, "simd", "real"}
-    for family, members in FAMILIES.items():
+    assert stars == {*FAMILIES, *PATH_FAMILIES, "simd", "real"}
+    for family, members in (FAMILIES | PATH_FAMILIES).items():
         assert {f"{family}_{member}.cl" for member in members} == {
             p.name for p in kernels_folder().glob(f"{family}_*.cl")
         }

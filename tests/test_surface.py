@@ -9,11 +9,11 @@ import pytest
 from device_kernels import SmallKernel, kernel_text
 from lopsided import lopsided
 
-from irtscots_cl.presets import load_scene, preset_names
+from irtscots_cl.presets import load_scene, sequential_presets
 from irtscots_cl.scene import Mirror, ZernikeTerms
 from irtscots_cl.surface import Surface
 
-SCENES = [*preset_names(), "lopsided", "conic"]
+SCENES = [*sequential_presets(), "lopsided", "conic"]
 
 
 def scene_of(name):

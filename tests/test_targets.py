@@ -94,7 +94,7 @@ def test_a_miss_is_tried_again_with_more_rays_and_told(scene, device, monkeypatc
         (-1.0, "adjoint", "--target-nm = -1.0: must be above 0 and finite"),
         (float("nan"), "adjoint", "--target-nm = nan: must be above 0 and finite"),
         (float("inf"), "adjoint", "--target-nm = inf: must be above 0 and finite"),
-        (1.0, "analytic", "has no rays to choose; must be adjoint or forward"),
+        (1.0, "analytic", "must be one of forward, adjoint"),
     ],
 )
 def test_what_is_no_target_is_refused(target, estimator, message):

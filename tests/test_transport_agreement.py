@@ -16,7 +16,7 @@ from scipy import stats
 from significance import poisson_ratio_p, sidak_p, sidak_z
 
 from irtscots_cl.interface import WEIGHT_ONE
-from irtscots_cl.presets import load_scene, preset_names
+from irtscots_cl.presets import load_scene, sequential_presets
 from irtscots_cl.tracer import trace
 
 FAILURE_CHANCE = 1e-6
@@ -28,7 +28,7 @@ RAYS = {
     "lopsided": (2**18, 2**14),
 }
 POOL = {"off-axis": (8, 20)}  # detector and screen pixels per side of a pool; its forward hits are few
-SCENES = [*preset_names(), "lopsided"]
+SCENES = [*sequential_presets(), "lopsided"]
 STATEMENTS = 4 * len(SCENES)
 CHANCE = FAILURE_CHANCE / STATEMENTS
 

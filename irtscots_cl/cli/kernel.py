@@ -14,20 +14,33 @@ def add(commands) -> None:
 
 
 def _execute(options: argparse.Namespace) -> int:
-    from irtscots_cl.options import ANALYTIC, ESTIMATORS, TraceOptions
+    from irtscots_cl.options import ANALYTIC, ESTIMATORS, NONSEQUENTIAL, TraceOptions
 
     chosen = TraceOptions(**choices(options, ("estimator", "sampler", "precision", "smoothing")))
     if chosen.estimator == ANALYTIC:
-        raise ValueError(f"--estimator = {ANALYTIC!r}: has no kernel; must be one of {', '.join(ESTIMATORS)}")
+        allowed = ", ".join((*ESTIMATORS, NONSEQUENTIAL))
+        raise ValueError(f"--estimator = {ANALYTIC!r}: has no kernel; must be one of {allowed}")
     scene = visible_scene(options.scene)
-    from irtscots_cl.calibration import calibrate
-    from irtscots_cl.device import select_device
-    from irtscots_cl.tracer import Tracer
-
-    source = Tracer(calibrate(scene), select_device(options.device), chosen).source
+    source = _source(scene, options.device, chosen)
     if options.json:
         print_json({"options": source.options, "files": source.files, "source": source.text})
     else:
         print(f"// build options: {' '.join(source.options)}")
         print(source.text, end="")
     return 0
+
+
+def _source(scene, choice: str | None, options):
+    """The composed source of the estimator's kernel, built on the device."""
+    from irtscots_cl.device import select_device
+    from irtscots_cl.options import NONSEQUENTIAL
+
+    device = select_device(choice)
+    if options.estimator == NONSEQUENTIAL:
+        from irtscots_cl.nonsequential import PathTracer
+
+        return PathTracer(scene, device, options).source
+    from irtscots_cl.calibration import calibrate
+    from irtscots_cl.tracer import Tracer
+
+    return Tracer(calibrate(scene), device, options).source

@@ -79,6 +79,7 @@ def _execute(options: argparse.Namespace) -> int:
     given = choices(options, DEFAULTS) | choices(options, RAYS)
     _check(options, DEFAULTS | RAYS | given)
     scene = visible_scene(options.scene)
+    _check_scene(scene, options, given)
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
     check_output_folder(folder)
     from irtscots_cl.pipeline import write_run
@@ -113,6 +114,20 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
         from irtscots_cl.targets import check_target
 
         check_target(options.target_nm, wanted["estimator"])
+
+
+def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
+    """Refuse, with a ValueError, what the estimator does not see, before anything slow."""
+    if scene.is_sequential:
+        return
+    from irtscots_cl.options import NONSEQUENTIAL
+    from irtscots_cl.tracer import check_sequential
+
+    estimator = (DEFAULTS | given)["estimator"]
+    if estimator != NONSEQUENTIAL:
+        check_sequential(scene, estimator)
+    if options.parts:
+        raise ValueError(f"--parts: must be left out: scene {scene.name} is more than a mirror and a paraxial camera")
 
 
 def _simulate(scene, options: argparse.Namespace, given: dict):
