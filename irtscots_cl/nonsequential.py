@@ -16,11 +16,11 @@ from irtscots_cl.interface import PATH, PRECISIONS, element_dtype, path_job_dtyp
 from irtscots_cl.launches import Pace, launch_structure, plan_launches, share_rays
 from irtscots_cl.options import NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import pack
-from irtscots_cl.parts import Part, groups_of, on_screen, parts_of
+from irtscots_cl.parts import Part, check_media, groups_of, on_screen, parts_of
 from irtscots_cl.paths import KINDS, MAX_EVENTS, PathFlux, PathLight, kind_of, name_of
 from irtscots_cl.program import Source, check_precision, compose
 from irtscots_cl.scatter import ABg, Harvey
-from irtscots_cl.scene import Scene
+from irtscots_cl.scene import Scene, SceneError
 
 # As in kernels/finish.cl: then one per element, absorbed. "parted" are no end, but rays beside those launched.
 ENDS = ("detected", "escaped", "bounce limit", "failed", "parted")
@@ -66,6 +66,11 @@ def trace_paths(
     started = time.perf_counter()
     tracer = PathTracer(scene, device, options, bounce_limit, least_chance)
     kept = tracer.find()
+    if not kept.codes:
+        raise SceneError(
+            f"scene {scene.name}: detector: no path from the screen reaches it; must be reached by one of "
+            f"{max(PILOT_RAYS // tracer.streams, 16) * tracer.streams} rays that look for paths"
+        )
     built = time.perf_counter()
     images, sums = tracer.run(rays, kept, progress)
     traced = time.perf_counter()
@@ -121,6 +126,7 @@ class PathTracer:
         calibration = calibrate(scene)
         check_visible(calibration, f"scene {scene.name}")
         self.scene, self.options, self.parts, self._pace = scene, options, parts_of(scene), Pace()
+        check_media(scene, self.parts)
         real, packed = PRECISIONS[options.precision], pack(calibration, options.precision)
         elements = pack_elements(scene, self.parts, real, least_chance)
         sources, area = emitters(calibration, options.precision, options.overfill, options.aim)
@@ -173,6 +179,17 @@ class PathTracer:
             work.download(self._images, images[replicate])
             work.download(self._sums, sums[replicate])
         return images, sums
+
+    def throughput(self, rays: int) -> float:
+        """Rays per second of one launch of about that many rays, from its kernel's time; paths are not told apart."""
+        work, of_stream = self._workspace, max(rays // self.streams, 1)
+        nothing = Kept((), ())
+        table = work.upload(nothing.table())
+        for buffer in (self._images, self._sums):
+            work.clear(buffer)
+        self._pace.kernel_seconds = 0.0
+        self._launch(table, 1, 0, 0, (0, self.streams, 0, of_stream))
+        return of_stream * self.streams / self.kernel_seconds
 
     def ends(self, sums: np.ndarray, launched: int) -> dict[str, int]:
         """Rays of all replicates by where they ended; they add up to those launched and those that parted from others.

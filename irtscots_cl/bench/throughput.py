@@ -15,7 +15,8 @@ import numpy as np
 from irtscots_cl.calibration import calibrate
 from irtscots_cl.device import Device
 from irtscots_cl.execution import Workspace
-from irtscots_cl.options import ESTIMATORS, TraceOptions
+from irtscots_cl.nonsequential import PathTracer
+from irtscots_cl.options import ESTIMATORS, NONSEQUENTIAL, TraceOptions
 from irtscots_cl.presets import load_scene
 from irtscots_cl.program import compose
 from irtscots_cl.samplers import SAMPLERS
@@ -26,6 +27,7 @@ ROUNDS = {True: 3, False: 9}  # timed rounds, quick or not
 SECONDS = {True: 0.06, False: 0.5}  # of one timed trace
 WARM_UP_RAYS = 2**22  # before a case's speed is known
 WIDTHS = (1, 8, 16)  # rays side by side that the kernels are written for, on CPUs
+PATH_SCENES = ("sphere", "sphere-deviated", "sphere-singlet", "sphere-window", "ghosts")
 FMA_CHAINS = 12  # CHAINS of kernels/multiply_add.cl
 FMA_STEPS = 20_000
 
@@ -73,6 +75,8 @@ def default_cases(device: Device, quick: bool) -> list[Case]:
     if device.has_fp64:
         cases.append(Case("one feature alone, forward", "double precision", sphere, precision="fp64"))
     cases.append(Case("one feature alone, forward", "sums by atomics", sphere, accumulate="atomic"))
+    cases += [Case("any order of elements, forward", name, load_scene(name), NONSEQUENTIAL)
+              for name in (("sphere",) if quick else PATH_SCENES)]  # fmt: skip
     if device.kind == "cpu":  # elsewhere work-items are the lanes
         cases += [Case("rays side by side, forward", f"plain sphere, {n}", sphere, width=n) for n in WIDTHS]
     return cases + [
@@ -112,12 +116,7 @@ def _features(sphere: Scene) -> dict[str, Scene]:
 
 def time_cases(cases: list[Case], device: Device, quick: bool) -> list[Timing]:
     """Build and warm up all cases, then time them in turn. Raises as Tracer and its options do."""
-    tracers = [
-        Tracer(calibrate(case.scene), device,
-               TraceOptions(case.estimator, case.sampler, case.precision, smoothing=case.smoothing),
-               width=case.width, accumulate=case.accumulate)
-        for case in cases
-    ]  # fmt: skip
+    tracers = [_tracer(case, device) for case in cases]
     warm = [tracer.throughput(WARM_UP_RAYS) for tracer in tracers]
     rays = [int(rate * SECONDS[quick]) for rate in warm]
     rates: list[list[float]] = [[] for _ in cases]
@@ -128,6 +127,13 @@ def time_cases(cases: list[Case], device: Device, quick: bool) -> list[Timing]:
         Timing(case, case.width or device.vector_width(case.precision), first, count, tuple(rate))
         for case, first, count, rate in zip(cases, warm, rays, rates, strict=True)
     ]
+
+
+def _tracer(case: Case, device: Device) -> Tracer | PathTracer:
+    options = TraceOptions(case.estimator, case.sampler, case.precision, smoothing=case.smoothing)
+    if case.estimator == NONSEQUENTIAL:
+        return PathTracer(case.scene, device, options)
+    return Tracer(calibrate(case.scene), device, options, width=case.width, accumulate=case.accumulate)
 
 
 def multiply_add_rate(device: Device) -> float:
@@ -157,7 +163,8 @@ def run_throughput(device: Device, quick: bool) -> dict:
 def _row(timing: Timing, timings: list[Timing], multiply_adds: float) -> dict:
     case = timing.case
     plain = next(t for t in timings if t.case.group.startswith("one feature") and t.case.name == "plain sphere")
-    limit = next(t for t in timings if t.case.group == "limit" and t.case.estimator == case.estimator)
+    like = "forward" if case.estimator == NONSEQUENTIAL else case.estimator
+    limit = next(t for t in timings if t.case.group == "limit" and t.case.estimator == like)
     return {
         "group": case.group, "name": case.name, "scene": case.scene.name, "estimator": case.estimator,
         "sampler": case.sampler, "precision": case.precision, "vector_width": timing.width,
