@@ -6,6 +6,7 @@ Such elements are seen by the non-sequential tracer alone. An element has a fram
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -25,6 +26,7 @@ from irtscots_cl.checked import (
     refuse,
 )
 
+MIN_SINE_TO_Y = 1e-6  # below it a frame's x axis is lost in the rounding of its position
 KINDS = ("mirror", "refractor", "lens", "absorber")
 RESERVED = ("screen", "mirror", "lens", "stop", "detector")  # names of what the scene itself puts there
 NEEDS = {"refractor": ("index_front", "index_back"), "lens": ("focal_length_mm",)}
@@ -68,13 +70,15 @@ class Element:
             refuse(("name",), self.name, f"be none of {', '.join(RESERVED)}, which the scene has anyway")
         if self.position_mm == self.facing_mm:
             refuse(("facing_mm",), self.facing_mm, "differ from position_mm, for a direction to face")
-        x, _, z = (b - a for a, b in zip(self.position_mm, self.facing_mm, strict=True))
-        if x == z == 0.0:
+        x, y, z = (b - a for a, b in zip(self.position_mm, self.facing_mm, strict=True))
+        if math.hypot(x, z) <= MIN_SINE_TO_Y * math.hypot(x, y, z):
             refuse(("facing_mm",), self.facing_mm, "not lie along Y from position_mm: no x axis")
         if (self.diameter_mm is None) == (self.size_mm is None):
             refuse(("diameter_mm",), self.diameter_mm, "be given, or else size_mm, and not both")
         if self.diameter_mm is not None and not self.obscuration_mm < self.diameter_mm:
             refuse(("obscuration_mm",), self.obscuration_mm, f"be below diameter_mm ({self.diameter_mm!r})")
+        if self.size_mm is not None and not self.obscuration_mm < math.hypot(*self.size_mm):
+            refuse(("obscuration_mm",), self.obscuration_mm, "be below the diagonal of size_mm")
         self._check_kind()
         self._check_shape()
         return self

@@ -38,7 +38,7 @@ from irtscots_cl.checked import (
     shown_word,
     translate,
 )
-from irtscots_cl.element import Element
+from irtscots_cl.element import MIN_SINE_TO_Y, Element
 
 __all__ = ["Camera", "Detector", "Element", "Mirror", "Scene", "SceneError", "Screen", "ZernikeTerms"]
 
@@ -47,7 +47,6 @@ MAX_DETECTOR_PIXELS = 2**24
 MAX_RADIAL_ORDER = 40
 MAX_ELEMENTS = 16  # beside the scene's own: all events of an element fit six bits of a path
 MAX_VIEW_RAD = math.radians(89.0)
-MIN_SINE_TO_Y = 1e-6  # below it the device's x axis is lost in the rounding of its position
 ZERNIKE_KEYS = {"noll_um": "noll", "fringe_um": "fringe", "osa_um": "osa"}
 
 

@@ -12,13 +12,15 @@ from functools import cache
 import numpy as np
 import pytest
 from lopsided import lopsided
+from oracle import sequence
 from scipy import stats
 from significance import poisson_ratio_p, sidak_p, sidak_z
 
 from irtscots_cl import nonsequential
 from irtscots_cl.analytic import trace_analytic
 from irtscots_cl.element import Element
-from irtscots_cl.nonsequential import trace_paths
+from irtscots_cl.nonsequential import Kept, PathTracer, trace_paths
+from irtscots_cl.options import NONSEQUENTIAL, TraceOptions
 from irtscots_cl.paths import KINDS
 from irtscots_cl.patterns import LineScan
 from irtscots_cl.presets import load_scene
@@ -203,10 +205,10 @@ def test_light_through_a_plate_and_its_ghosts(device, least_chance):
 
 def test_the_plates_transmittance_with_all_its_reflections(device):
     """(1 - R)^2 (1 + R^2 + R^4 + ...) = (1 - R) / (1 + R), to 3e-4."""
-    light, (bare_w, _) = plate(device, 0.1), bare_flux_w(device)
+    light, (bare_w, _) = plate(device, 0.0), bare_flux_w(device)  # all rays weigh the same, those of ghosts too
     total_w = sum(path.flux_w for path in light.paths)
-    expected, error = plate_mean(lambda r: (1 - r) / (1 + r)), flux_of(light, PLATE)[1] / bare_w
-    assert Z * error < 3e-4  # so this holds to 3e-4 or better
+    expected = plate_mean(lambda r: (1 - r) / (1 + r))
+    assert Z * math.sqrt(expected * (1 - expected) / light.ends["launched"]) < 3e-4  # so this holds to 3e-4 or better
     assert abs(total_w / bare_w - expected) < 3e-4
     assert light.images_w.sum((1, 2, 3)).mean() == pytest.approx(2 * total_w, rel=1e-5, abs=0)  # rounding, both scans
 
@@ -254,3 +256,253 @@ def test_a_wedges_ghost_lies_where_two_reflections_turn_it(device):
     assert abs(ghost[0] - direct[0]) == pytest.approx(turn, rel=0.01, abs=0)  # second order in angles
     # rays: the mirror's image is 0.6 mm in radius, 0.3 rms
     assert abs(ghost[1] - direct[1]) < Z * 0.3 / math.sqrt(min(path.rays for path in light.paths[:2]))
+
+
+# --- real lenses, beside the independent tracer -------------------------------------------------------------
+
+LENSES = ("sphere-singlet", "sphere-doublet")
+ORACLE_RAYS = 2**21  # of which the aperture takes a third
+PIXEL_RAYS = 2**22
+
+
+def one_pixel(name):
+    """A preset lit by one screen pixel beside the middle, where the stop cuts into its light from one side."""
+    scene = load_scene(name)
+    screen = replace(scene.screen, pixels=(1, 1), centre_offset_mm=(0.35, -0.25))
+    return replace(scene, screen=screen)
+
+
+@cache
+def lens_light(name, device):
+    return trace_paths(one_pixel(name), device=device, rays_per_pixel=PIXEL_RAYS, replicates=1, seed=51)
+
+
+@cache
+def oracle_light(name):
+    return sequence.from_one_pixel(one_pixel(name), ORACLE_RAYS, np.random.default_rng(52))
+
+
+def moments(place, weight):
+    """Of light at places (column, row) [n, 2]: means of column, row, their squares and product, and their variances.
+
+    Places from the detector's middle, in pixels; those of the kernel are whole pixels, so the oracle's are rounded too.
+    """
+    x, y = (place - 62).T
+    values, share = np.stack([x, y, x * x, y * y, x * y]), weight / weight.sum()
+    mean = values @ share
+    return mean, (values - mean[:, None]) ** 2 @ share
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_a_real_lens_images_the_mirror_as_the_oracle_says(device, name):
+    """Where one screen pixel's light lands through the lens, without its ghosts: place, size and shape of its image."""
+    light, oracle = lens_light(name, device), oracle_light(name)
+    rays = light.paths[0].rays
+    assert light.paths[0].kind == "direct" and min(rays, len(oracle.flux_w)) > 200_000
+    image = light.images_w[0, DIRECT, 0]
+    np.testing.assert_array_equal(image, light.images_w[0, DIRECT, 1])  # its column is its row
+    row, column = np.divmod(np.arange(len(image)), 125)
+    found, variance = moments(np.stack([column, row], -1), image)
+    expected, of_oracle = moments(np.rint(oracle.place), oracle.flux_w)
+    z = (found - expected) / np.sqrt(variance / rays + of_oracle / len(oracle.flux_w))
+    assert np.abs(z).max() < sidak_z(len(z), CHANCE)
+    radius = math.sqrt(expected[2] + expected[3])
+    assert math.sqrt(variance[0] / rays) < 0.002 * radius  # so this holds to a hundredth of the image or better
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_a_real_lens_passes_the_light_that_the_oracle_says(device, name):
+    """In watts, with Fresnel's losses at all surfaces."""
+    light, oracle = lens_light(name, device), oracle_light(name)
+    flux_w, error_w = flux_of(light, light.paths[0].name)
+    # a hit or a miss of about equal weights
+    error = math.sqrt((1 - len(oracle.flux_w) / ORACLE_RAYS) / len(oracle.flux_w))
+    expected = oracle.flux_w.sum()
+    assert abs(flux_w - expected) < Z * math.hypot(error_w, error * expected)
+    assert Z * math.hypot(error_w / expected, error) < 0.02  # less than a single surface reflects
+
+
+def slopes_behind(steps, axis, across, height_mm, origin):
+    """Height and slope behind a lens, against its axis, of two rays at +-height_mm in front: half their difference.
+
+    Their difference does not tell of a lens that stands aside by the rounding of its file. origin: where both rays come
+    from, or None for rays along the axis.
+    """
+    first = steps[0].vertex
+    start = first + 0.01 * steps[0].axis + np.array([[height_mm], [-height_mm]]) * across
+    away = np.stack([-axis, -axis]) if origin is None else sequence.unit(start - origin)
+    points, directions = start, away
+    for step in steps:
+        points, directions, _ = sequence.pass_step(step, points, directions)
+    slope = directions @ across / -(directions @ axis)
+    height = (points - steps[-1].vertex) @ across
+    return (height[0] - height[1]) / 2, (slope[0] - slope[1]) / 2
+
+
+def lens_matrix(scene):
+    """Paraxial matrix (height, slope) from the first vertex to the last, by refraction and transfer; and their gap."""
+    elements, matrix = scene.element, np.eye(2)
+    for k, surface in enumerate(elements):
+        if k:
+            gap = math.dist(elements[k - 1].position_mm, surface.position_mm)
+            matrix = np.array([[1.0, gap], [0.0, 1.0]]) @ matrix
+        # a radius below 0 has its centre behind the front, where the light goes: convex
+        power = (surface.index_back - surface.index_front) / -surface.radius_mm
+        behind = surface.index_back
+        matrix = np.array([[1.0, 0.0], [-power / behind, surface.index_front / behind]]) @ matrix
+    return matrix
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_the_lenses_have_the_focal_length_of_a_thick_lens(name):
+    """The oracle's rays near the axis, the paraxial matrix, for a singlet the lensmaker's formula, and the preset."""
+    scene = load_scene(name)
+    steps, matrix = sequence.lens_of(scene), lens_matrix(scene)
+    axis = sequence.unit(np.array(scene.camera.look_at_mm) - scene.camera.position_mm)  # to the mirror
+    _, slope = slopes_behind(steps, axis, np.array([0.0, 1.0, 0.0]), 1e-3, None)
+    focal_length = -1e-3 / slope
+    assert focal_length == pytest.approx(-1 / matrix[1, 0], rel=1e-6, abs=0)  # aberration: (1e-3 / 16)^2
+    assert focal_length == pytest.approx(16.0, rel=1e-6, abs=0)  # radii are told to 1e-6 mm of 8
+    if len(scene.element) == 2:
+        front, back = scene.element
+        n, r1, r2 = front.index_back, -front.radius_mm, -back.radius_mm
+        gap = math.dist(front.position_mm, back.position_mm)
+        power = (n - 1) * (1 / r1 - 1 / r2 + (n - 1) * gap / (n * r1 * r2))
+        assert focal_length == pytest.approx(1 / power, rel=1e-6, abs=0)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_the_detectors_stand_where_the_lenses_image_the_mirror(name):
+    """Rays from the mirror's middle meet behind the lens on the detector: by the oracle and by the paraxial matrix."""
+    scene = load_scene(name)
+    camera, last = scene.camera, np.array(scene.element[-1].position_mm)
+    axis = sequence.unit(np.array(camera.look_at_mm) - camera.position_mm)
+    height, slope = slopes_behind(sequence.lens_of(scene), axis, np.array([0.0, 1.0, 0.0]), 1e-3, np.zeros(3))
+    behind = camera.detector_distance_mm - (np.array(camera.position_mm) - last) @ axis  # from the last vertex
+    assert -height / slope == pytest.approx(behind, rel=1e-6, abs=0)
+    first = math.dist(scene.element[0].position_mm, (0.0, 0.0, 0.0))
+    h, u = lens_matrix(scene) @ [first, 1.0]
+    assert -h / u == pytest.approx(behind, rel=1e-6, abs=0)
+
+
+# --- bookkeeping --------------------------------------------------------------------------------------------
+
+
+@cache
+def ghosts(device):
+    return trace_paths(load_scene("ghosts"), device=device, rays_per_pixel=8192, replicates=4, seed=61)
+
+
+def test_all_rays_end_and_all_light_has_a_path(device):
+    """Ends, ledger and paths count the same rays; images of a kind hold the light of its paths."""
+    light = ghosts(device)
+    ends = dict(light.ends)
+    launched, parted = ends.pop("launched"), ends.pop("parted")
+    assert (launched, parted) == (8192 * 21 * 21, 0)  # nothing scatters
+    assert sum(ends.values()) == launched
+    assert (ends["failed"], ends["absorbed by panel"]) == (0, 0)  # its back is never lit
+    assert min(ends[key] for key in ("detected", "escaped", "bounce limit", "absorbed by stop")) > 0
+    assert sum(path.rays for path in light.paths) == ends["detected"]
+    assert sum(light.ledger.values()) == 2 * light.ledger["launched"]  # beside the fates: their sum
+    of_kind = light.images_w[:, :, :21].sum((2, 3)).mean(0)
+    for kind in ("direct", "ghost"):
+        flux_w = sum(path.flux_w for path in light.paths if path.kind == kind)
+        flux_w += light.paths[-1].flux_w if kind == "ghost" else 0.0  # paths not kept apart count as ghosts
+        assert of_kind[KINDS.index(kind)] == pytest.approx(flux_w, rel=1e-4, abs=0)  # of weights in steps of 2^-22
+    assert [path.flux_w for path in light.paths[:-1]] == sorted((p.flux_w for p in light.paths[:-1]), reverse=True)
+    assert light.paths[-1].name == "other"
+
+
+def test_kinds_of_paths_add_up_to_all_light(device):
+    light = ghosts(device)
+    pattern = LineScan(light.scene)
+    whole = light.images(pattern)
+    parts = [light.only(kind).images(pattern) for kind in KINDS]
+    for axis in ("x", "y"):
+        split = [getattr(part, axis).flux_w for part in parts]
+        np.testing.assert_allclose(sum(split), getattr(whole, axis).flux_w, rtol=1e-15, atol=0)  # rounding
+        assert split[DIRECT].any() and split[GHOST].any() and not split[SCATTER].any()
+        both = getattr(light.only("direct", "ghost").images(pattern), axis).flux_w
+        np.testing.assert_array_equal(both, getattr(whole, axis).flux_w)
+    assert {path.kind for path in light.only("ghost").paths} == {"ghost"}
+    with pytest.raises(ValueError, match="^brightness: "):
+        light.line_flux_w("x", np.ones((21, 21)))
+
+
+def test_the_same_seed_gives_the_same_bits_for_any_cut_into_launches(device, monkeypatch):
+    def run(seed=7):
+        return trace_paths(load_scene("sphere-singlet"), device=device, rays_per_pixel=5000, replicates=2, seed=seed)
+
+    first, again = run(), run()
+    monkeypatch.setattr(nonsequential, "MAX_RAYS_PER_ITEM", 768)
+    monkeypatch.setattr(nonsequential.Pace, "launch_rays", lambda self, first: 100_000)
+    cut, other = run(), run(seed=8)
+    for light in (again, cut):
+        np.testing.assert_array_equal(light.images_w, first.images_w)
+        assert light.paths == first.paths and light.ends == first.ends
+    assert not np.array_equal(other.images_w, first.images_w)
+    assert not np.array_equal(first.images_w[0], first.images_w[1])
+
+
+def test_replicates_are_independent_parts_of_the_rays(device):
+    """One of two replicates is what a run of its rays alone gives; between many, flux scatters as counting says."""
+    scene = load_scene("sphere-singlet")
+    coarse = replace(scene.camera.detector, pixels=(25, 25), pitch_mm=0.185)  # 64 replicates of its images take 20 MB
+    scene = replace(scene, camera=replace(scene.camera, detector=coarse))
+    alone = trace_paths(scene, device=device, rays_per_pixel=2048, replicates=1, seed=71)
+    many = trace_paths(scene, device=device, rays_per_pixel=2048 * 64, replicates=64, seed=71)
+    np.testing.assert_array_equal(many.images_w[0], alone.images_w[0])
+    for path in many.paths[:2]:
+        counted_w = path.flux_w * math.sqrt((1 - path.rays / many.ends["launched"]) / path.rays)
+        lower, upper = stats.chi2.isf([1 - CHANCE / 2, CHANCE / 2], 63)
+        # rays of fixed numbers per screen pixel scatter less than all at random: by the spread of pixels' shares
+        assert lower * 0.5 < 63 * (path.standard_error_w / counted_w) ** 2 < upper, path.name
+    assert np.isnan(alone.paths[0].standard_error_w)
+
+
+def test_rays_are_given_up_at_the_bounce_limit(device):
+    """Of the same rays, two events leave those to be given up that three detect: the detector is the third element."""
+    scene, options = load_scene("sphere"), TraceOptions(NONSEQUENTIAL, seed=81)
+    ends = []
+    for limit in (1, 2, 3):
+        tracer = PathTracer(scene, device, options, limit, 0.1)
+        _, sums = tracer.run(np.array([512]), Kept((), ()))
+        ends.append(tracer.ends(sums, 512 * tracer.streams))
+    one, two, three = ends
+    assert (one["detected"], two["detected"]) == (0, 0)
+    assert three["detected"] > 0 and three["bounce limit"] == 0
+    assert two["bounce limit"] == three["detected"]  # after mirror and lens; none misses the detector
+    assert one["bounce limit"] == one["launched"] - one["escaped"]  # all that meet the mirror, and nothing else
+    assert two["absorbed by stop"] == three["absorbed by stop"] > 0
+
+
+def test_a_bounce_limit_leaves_shorter_paths_as_they_are(device):
+    """Four events are the direct path through a singlet; what takes more is given up, and brings no light."""
+    scene = load_scene("sphere-singlet")
+    few, all_of = (
+        trace_paths(scene, device=device, rays_per_pixel=4096, replicates=1, seed=82, bounce_limit=n) for n in (4, 10)
+    )
+    assert [path.kind for path in few.paths] == ["direct", "other"]
+    assert (few.paths[0].rays, few.paths[0].flux_w) == (all_of.paths[0].rays, all_of.paths[0].flux_w)
+    np.testing.assert_array_equal(few.images_w[:, DIRECT], all_of.images_w[:, DIRECT])
+    assert all_of.images_w[:, GHOST].any() and not few.images_w[:, [GHOST, SCATTER]].any()
+    assert few.ends["bounce limit"] > all_of.ends["bounce limit"]
+    with pytest.raises(ValueError, match="no path from the screen reaches it"):
+        trace_paths(scene, device=device, rays_per_pixel=16, replicates=1, bounce_limit=3)
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        ({"bounce_limit": 0}, "--bounce-limit = 0: must be 1 to 10"),
+        ({"bounce_limit": 11}, "--bounce-limit = 11: must be 1 to 10"),
+        ({"least_chance": -0.1}, "--least-chance = -0.1: must be 0 to 0.5"),
+        ({"least_chance": 0.51}, "--least-chance = 0.51: must be 0 to 0.5"),
+        ({"replicates": 0}, "--replicates = 0: must be 1 to 1024"),
+        ({"seed": -1}, "--seed = -1: must be 0 to 2^64 - 1"),
+    ],
+)
+def test_options_out_of_range_are_refused(values, line):
+    with pytest.raises(ValueError, match=".") as caught:
+        trace_paths(load_scene("sphere"), **values)
+    assert str(caught.value) == line

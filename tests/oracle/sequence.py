@@ -2,7 +2,7 @@
 
 World = the mirror's frame. Lengths in mm, points and directions [n, 3] in world coordinates. A surface is a conic of
 revolution, x^2 + y^2 + (1 + k) z^2 = 2 R z in the frame of its vertex, or a plane; light reflects by d - 2 (d . n) n,
-and is refracted by Snell's law for the part of its direction along the surface: n1 (d - (d . n) n) = n2 (e - (e . n) n).
+and Snell's law holds for the part of a direction along the surface: n1 (d - (d . n) n) = n2 (e - (e . n) n).
 """
 
 from __future__ import annotations
@@ -82,9 +82,7 @@ def lens_of(scene) -> list[Step]:
         front = unit(np.subtract(element.facing_mm, element.position_mm))
         radius = math.inf if element.radius_mm is None else element.radius_mm
         steps.append(
-            Step(
-                np.array(element.position_mm), front, radius, element.conic, element.index_front, element.index_back
-            )
+            Step(np.array(element.position_mm), front, radius, element.conic, element.index_front, element.index_back)
         )
     return steps
 
@@ -126,7 +124,8 @@ def from_one_pixel(scene, rays: int, random: np.random.Generator) -> Landed:
     way = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(rays)], -1) - start
     distance2 = np.sum(way * way, -1)
     direction = way / np.sqrt(distance2)[:, None]
-    flux = screen.radiance * screen.pitch_mm**2 * (np.pi * disk**2 / rays) * -(direction @ z) * -direction[:, 2] / distance2
+    areas = screen.pitch_mm**2 * (np.pi * disk**2 / rays)
+    flux = screen.radiance * areas * (direction @ z) * direction[:, 2] / distance2  # both cosines are negative
     surface = Step(np.zeros(3), np.array([0.0, 0.0, 1.0]), mirror.radius_mm, mirror.conic, mirror=True)
     points, direction, _ = pass_step(surface, start, direction)
     kept = 2 * np.hypot(points[:, 0], points[:, 1]) <= mirror.diameter_mm
@@ -144,6 +143,7 @@ def _on_detector(camera, points: np.ndarray, direction: np.ndarray, flux: np.nda
     centre = np.array(camera.position_mm) + camera.detector_distance_mm * z
     at = meet(Step(centre, z), points, direction) - centre
     detector = camera.detector
-    place = np.stack([-(at @ a) / detector.pitch_mm + (n - 1) / 2 for a, n in zip((x, y), detector.pixels, strict=True)], -1)
-    inside = ((place > -0.5) & (place < np.array(detector.pixels) - 0.5)).all(-1)
+    pixels = np.array(detector.pixels)
+    place = (pixels - 1) / 2 - np.stack([at @ x, at @ y], -1) / detector.pitch_mm
+    inside = ((place > -0.5) & (place < pixels - 0.5)).all(-1)
     return Landed(flux[inside], place[inside])

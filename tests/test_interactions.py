@@ -1,0 +1,431 @@
+"""Device functions of the non-sequential tracer: where rays meet elements, and what becomes of them there."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from device_kernels import kernel_text
+
+from irtscots_cl.execution import Workspace
+from irtscots_cl.geometry import Frame, Quadric
+from irtscots_cl.interface import PRECISIONS, element_dtype
+from irtscots_cl.program import compose
+
+COUNT = 4096  # rays of a test; a multiple of every width
+NONE = -1
+EXACT = np.longdouble  # of what fp64 is compared with
+PLANE = Quadric(0.0, 0.0, 0.0)
+SCENE = np.dtype([("unused", np.int32)])  # the functions name the type and read nothing of it
+
+MEET = """    Rays rays;
+    for (int lane = 0; lane < WIDTH; ++lane) {
+        const size_t ray = get_global_id(0) * WIDTH + lane;
+        ((real *)&rays.x[0])[lane] = given[6 * ray];
+        ((real *)&rays.y[0])[lane] = given[6 * ray + 1];
+        ((real *)&rays.z[0])[lane] = given[6 * ray + 2];
+        ((real *)&rays.dx[0])[lane] = given[6 * ray + 3];
+        ((real *)&rays.dy[0])[lane] = given[6 * ray + 4];
+        ((real *)&rays.dz[0])[lane] = given[6 * ray + 5];
+    }
+    rays.group[0] = (intv)(0);
+    rays.last[0] = (intv)(last);
+    rays.before[0] = (intv)(before);
+    rays.reach[0] = reach_of(rays.x[0], rays.y[0], rays.z[0]);
+    realv nearest = (realv)(INFINITY);
+    intv which = (intv)(-1);
+    for (int k = 0; k < count; ++k) meet_SHAPE(&elements[k], &rays, 0, k, &nearest, &which);
+    for (int lane = 0; lane < WIDTH; ++lane) {
+        steps[get_global_id(0) * WIDTH + lane] = ((const real *)&nearest)[lane];
+        numbers[get_global_id(0) * WIDTH + lane] = ((const int *)&which)[lane];
+    }"""
+
+INTERACT = """    Interaction at;
+    for (int lane = 0; lane < WIDTH; ++lane) {
+        const __global real *from = given + 9 * (get_global_id(0) * WIDTH + lane);
+        ((real *)&at.point.x)[lane] = from[0];
+        ((real *)&at.point.y)[lane] = from[1];
+        ((real *)&at.point.z)[lane] = from[2];
+        ((real *)&at.along.x)[lane] = from[3];
+        ((real *)&at.along.y)[lane] = from[4];
+        ((real *)&at.along.z)[lane] = from[5];
+        ((real *)&at.normal.x)[lane] = from[6];
+        ((real *)&at.normal.y)[lane] = from[7];
+        ((real *)&at.normal.z)[lane] = from[8];
+        ((uint *)&at.draw)[lane] = words[get_global_id(0) * WIDTH + lane];
+    }
+    at.goes = at.along;
+    at.weight = (realv)(1);
+    at.event = (intv)(EVENT_NOMINAL);
+    at.ends = to_mask(at.event != at.event);
+    CALL
+    const intv ends = to_int(at.ends) != 0 ? (intv)(1) : (intv)(0);
+    for (int lane = 0; lane < WIDTH; ++lane) {
+        const size_t ray = get_global_id(0) * WIDTH + lane;
+        out[4 * ray] = ((const real *)&at.goes.x)[lane];
+        out[4 * ray + 1] = ((const real *)&at.goes.y)[lane];
+        out[4 * ray + 2] = ((const real *)&at.goes.z)[lane];
+        out[4 * ray + 3] = ((const real *)&at.weight)[lane];
+        marks[2 * ray] = ((const int *)&at.event)[lane];
+        marks[2 * ray + 1] = ((const int *)&ends)[lane];
+    }"""
+
+
+class Bench:
+    """Builds small kernels on the device under test and runs them."""
+
+    def __init__(self, device, folder, precision):
+        self.device, self.folder, self.precision = device, folder, precision
+        self.real, self.width = PRECISIONS[precision], device.vector_width(precision)
+        self.epsilon = float(np.finfo(self.real).eps)
+
+    def kernel(self, name, include, signature, body):
+        entry = kernel_text(self.folder / f"{name}.cl", [include], "__constant Element *elements, " + signature, body)
+        structs = {"Scene": SCENE, "Element": element_dtype(self.real, 1)}
+        return Workspace(self.device, compose(entry, {}, structs, self.precision, self.width), name)
+
+    def launch(self, work, inputs, outputs):
+        given = [work.upload(x) if isinstance(x, np.ndarray) else x for x in inputs]
+        buffers = [work.empty(out.nbytes) for out in outputs]
+        work.launch((len(outputs[0]) // self.width, 1), [*given, *buffers])
+        return [work.download(buffer, out) for buffer, out in zip(buffers, outputs, strict=True)]
+
+    def meet(self, shape, elements, starts, directions, last=NONE, before=NONE):
+        """Steps [rays] to the nearest element and their numbers [rays]."""
+        signature = "__global const real *given, int last, int before, int count, __global real *steps, "
+        work = self.kernel("meet", "element.cl", signature + "__global int *numbers", MEET.replace("SHAPE", shape))
+        rays = np.concatenate([starts, directions], 1).astype(self.real)
+        numbers = [np.int32(n) for n in (last, before, len(elements))]
+        out = [np.zeros(len(rays), self.real), np.zeros(len(rays), np.int32)]
+        return self.launch(work, [elements, rays, *numbers], out)
+
+    def interact(self, kind, element, along, normal=None, point=None, words=None, call="interact_KIND(elements, &at);"):
+        """goes [rays, 3], weight, event and ends [rays] after an interaction."""
+        along = np.asarray(along)
+        zeros = np.zeros_like(along)
+        normal = zeros + np.array([0, 0, 1]) if normal is None else normal
+        rays = np.concatenate([zeros if point is None else point, along, normal], 1).astype(self.real)
+        words = np.zeros(len(rays), np.uint32) if words is None else words
+        signature = "__global const real *given, __global const uint *words, __global real *out, __global int *marks"
+        body = INTERACT.replace("CALL", call.replace("KIND", kind))
+        work = self.kernel("interact", f"interact_{kind}.cl", signature, body)
+        extra = -len(rays) % self.width  # whole vectors
+        rays, words = (np.concatenate([a, a[:1].repeat(extra, 0)]) for a in (rays, words))
+        out = [np.zeros((len(rays), 4), self.real), np.zeros((len(rays), 2), np.int32)]
+        values, marks = (a[: len(along)] for a in self.launch(work, [element, rays, words.astype(np.uint32)], out))
+        return SimpleNamespace(goes=values[:, :3].astype(float), weight=values[:, 3].astype(float),
+                               event=marks[:, 0], ends=marks[:, 1])  # fmt: skip
+
+    def refract(self, element, along, normal=None):
+        """Refracted directions and, in `weight`, the reflectance."""
+        call = "vec3v refracted; at.weight = refract(elements, &at, &refracted); at.goes = refracted;"
+        return self.interact("refractor", element, along, normal, call=call)
+
+
+@pytest.fixture
+def bench(device, tmp_path, precision):
+    return Bench(device, tmp_path, precision)
+
+
+def element_of(bench, frame=None, quadric=PLANE, outer_mm=1e15, copies=1, **values):
+    """Elements [copies] at one place, told from the world's origin."""
+    frame = frame or Frame(np.zeros(3), np.eye(3))
+    entry = np.zeros(copies, element_dtype(bench.real, 1))
+    entry["axis_x"], entry["axis_y"], entry["axis_z"] = frame.axes
+    to = -frame.axes @ frame.position_mm
+    entry["offset"] = [*to, np.abs(to).sum()]
+    for name in ("q_xx", "q_yy", "q_zz", "q_xz"):
+        entry[name] = getattr(quadric, name)
+    entry["outer2"], entry["half_u"], entry["half_v"] = outer_mm**2, 1e30, 1e30
+    for name, value in values.items():
+        entry[name] = value
+    return entry
+
+
+def local(element, starts, directions):
+    """What the kernel is given, in the element's frame, not rounded further: at, along [rays, 3] and size [rays]."""
+    axes = np.stack([element[name][0] for name in ("axis_x", "axis_y", "axis_z")]).astype(EXACT)
+    starts, directions = (a.astype(element["q_xx"].dtype).astype(EXACT) for a in (starts, directions))
+    at = starts @ axes.T + element["offset"][0, 0, :3].astype(EXACT)
+    return at, directions @ axes.T, (np.abs(starts).sum(1) + element["offset"][0, 0, 3]).astype(float)
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def tilted(size):
+    """A frame at about `size` from the origin that lies along no axis."""
+    return Frame.looking(np.array([0.3, -0.5, 0.8]) * size, np.array([-0.2, 0.4, -0.3]) * size)
+
+
+def incident(generator, count=COUNT):
+    """Directions towards -z at up to 60 degrees from it."""
+    slope = np.sqrt(3.0 * generator.random(count))
+    angle = generator.uniform(0, 2 * np.pi, count)
+    return unit(np.stack([slope * np.cos(angle), slope * np.sin(angle), -np.ones(count)], -1))
+
+
+SIZES = [1e-3, 1.0, 1e3, 1e5]
+
+
+# --- where rays meet elements -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_meet_plane_is_exact_but_for_roundings_of_the_coordinates(bench, size):
+    generator, frame = np.random.default_rng(1), tilted(size)
+    element = element_of(bench, frame)
+    directions = incident(generator) @ frame.axes
+    targets = frame.to_world(*(generator.uniform(-size, size, (2, COUNT))))
+    starts = targets - directions * (size * 10 ** generator.uniform(-2, 0.5, COUNT))[:, None]
+    steps, numbers = bench.meet("plane", element, starts, directions)
+    at, along, scale = local(element, starts, directions)
+    assert (numbers == 0).all()
+    error = np.abs(steps - (-at[:, 2] / along[:, 2])).astype(float)
+    # four products and sums of the coordinates, over a cosine of 0.5 or more; three and a quotient of the step itself
+    assert (error <= bench.epsilon * (8 * scale + 4 * np.abs(steps))).all()
+
+
+def exact_step(quadric_of, at, along):
+    """Step to the quadric's sheet that a ray from its front meets, by the textbook formula in long double."""
+    q = [quadric_of[name].astype(EXACT)[0] for name in ("q_xx", "q_yy", "q_zz", "q_xz")]
+
+    def form(a, b):
+        return (q[0] * a[:, 0] * b[:, 0] + q[1] * a[:, 1] * b[:, 1] + q[2] * a[:, 2] * b[:, 2]
+                + q[3] * (a[:, 0] * b[:, 2] + a[:, 2] * b[:, 0]))  # fmt: skip
+
+    back = -(at * along).sum(1)
+    at = at + back[:, None] * along
+    a, b, c = form(along, along), form(at, along) - along[:, 2], form(at, at) - 2 * at[:, 2]
+    return back - c / (b + np.sqrt(b * b - a * c))  # the root next to the vertex, for b above 0
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("conic", [0.0, -1.0, 0.5])
+def test_meet_quadric_is_exact_but_for_roundings_of_the_coordinates(bench, size, conic):
+    """Rays from the front, from 0.01 to 30 radii away, to a concave surface."""
+    generator, frame = np.random.default_rng(2), tilted(size)
+    quadric = Quadric.conic(size, conic, 0.0 if conic == 0.0 else 0.1 * size)
+    element = element_of(bench, frame, quadric, 0.3 * size)
+    directions = incident(generator)
+    x, y = generator.uniform(-0.2 * size, 0.2 * size, (2, COUNT))
+    targets = np.stack([x, y, quadric.meet(x, y, 0.0, 0.0)], -1)
+    starts = targets - directions * (size * 10 ** generator.uniform(-2, 1.5, COUNT))[:, None]
+    starts, directions = frame.position_mm + starts @ frame.axes, directions @ frame.axes
+    steps, numbers = bench.meet("quadric", element, starts, directions)
+    at, along, scale = local(element, starts, directions)
+    assert (numbers == 0).all()
+    error = np.abs(steps - exact_step(element, at, along)).astype(float)
+    assert (error <= 32 * bench.epsilon * (scale + size)).all()  # a dozen roundings, over a cosine of 0.4 or more
+
+
+def test_what_is_behind_or_beside_is_not_met(bench):
+    """A hole, a rim and a rectangle; and a plane that the ray has passed."""
+    element = element_of(bench, outer_mm=10.0, inner2=4.0, half_u=8.0, half_v=6.0)
+    x = np.array([0.0, 1.9, 2.1, 7.9, 8.1, -7.9, -8.1, 0.0, 0.0, 0.0, 0.0, 7.9])
+    y = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5.9, 6.1, -5.9, -6.1, 6.2])
+    met = np.array([False, False, True, True, False, True, False, True, False, True, False, False])
+    starts = np.resize(np.stack([x, y, np.full(12, 50.0)], -1), (4 * 48, 3))  # whole vectors of any width
+    down = np.zeros_like(starts) - (0, 0, 1)
+    for shape in ("plane", "quadric"):
+        _, numbers = bench.meet(shape, element, starts, down)
+        np.testing.assert_array_equal(numbers == 0, np.resize(met, len(starts)))
+        assert (bench.meet(shape, element, starts, -down)[1] == NONE).all()
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_ray_does_not_meet_the_plane_that_it_stands_on(bench, size):
+    """On the plane but for rounding, to either side."""
+    generator, frame = np.random.default_rng(3), tilted(size)
+    element = element_of(bench, frame)
+    starts = frame.to_world(*(generator.uniform(-size, size, (2, COUNT))))
+    for side in (1, -1):
+        directions = side * incident(generator) @ frame.axes
+        steps, numbers = bench.meet("plane", element, starts, directions, last=0)
+        assert (numbers == NONE).all() and np.isinf(steps).all()
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_ray_from_a_sphere_meets_its_other_side_alone(bench, size):
+    """A bowl of nearly half a sphere: rays within it go to the other wall, those that leave it nowhere."""
+    generator, frame = np.random.default_rng(4), tilted(size)
+    element = element_of(bench, frame, Quadric.conic(size), 0.999 * size)
+    polar, turn = generator.uniform(0.5, 1.4, COUNT), generator.uniform(0, 2 * np.pi, COUNT)
+    walls = [size * np.stack([np.sin(polar) * np.cos(a), np.sin(polar) * np.sin(a), 1 - np.cos(polar)], -1)
+             for a in (turn, turn + generator.uniform(2.0, 4.0, COUNT))]  # fmt: skip
+    starts, ends = (frame.position_mm + wall @ frame.axes for wall in walls)
+    steps, numbers = bench.meet("quadric", element, starts, unit(ends - starts), last=0)
+    assert (numbers == 0).all()
+    length = np.linalg.norm(ends - starts, axis=1)
+    np.testing.assert_allclose(steps, length, rtol=0, atol=64 * bench.epsilon * size)  # roundings of 2 size, cosine 0.2
+    up = np.zeros((COUNT, 3)) + frame.axes[2]
+    assert (bench.meet("quadric", element, starts, up, last=0)[1] == NONE).all()
+    out = unit(walls[0] - (0, 0, size)) @ frame.axes
+    assert (bench.meet("quadric", element, starts, out, last=0)[1] == NONE).all()
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("shape", ["plane", "quadric"])
+def test_surfaces_at_one_place_are_met_once_each(bench, size, shape):
+    """The first from afar, the other at a step of nothing, then neither again: in either order, to either side."""
+    generator, frame = np.random.default_rng(5), tilted(size)
+    quadric = PLANE if shape == "plane" else Quadric.conic(size)
+    pair = element_of(bench, frame, quadric, 0.3 * size, copies=2)
+    x, y = generator.uniform(-0.2 * size, 0.2 * size, (2, COUNT))
+    points = frame.position_mm + np.stack([x, y, quadric.meet(x, y, 0.0, 0.0)], -1) @ frame.axes
+    for side in (1, -1):
+        directions = side * incident(generator) @ frame.axes
+        steps, numbers = bench.meet(shape, pair, points - 0.1 * size * directions, directions)
+        assert (numbers >= 0).all()
+        np.testing.assert_allclose(steps, 0.1 * size, rtol=0, atol=64 * bench.epsilon * size)  # as above
+        for first in (0, 1):
+            steps, numbers = bench.meet(shape, pair, points, directions, last=first)
+            assert (numbers == 1 - first).all()
+            assert np.abs(steps).max() <= 64 * bench.epsilon * size  # 8 of |x| + |y| + |z| and the offset, 5 size
+            assert (bench.meet(shape, pair, points, directions, last=1 - first, before=first)[1] == NONE).all()
+
+
+def test_a_ray_along_a_plane_misses_it(bench):
+    """Above, below and in it: a quotient by nothing, or of nothing by nothing."""
+    starts = np.repeat([[1.0, 2.0, 3.0], [1.0, 2.0, -3.0], [1.0, 2.0, 0.0]], 64, 0)
+    along = np.zeros_like(starts) + np.array([0.6, 0.8, 0.0])
+    for shape in ("plane", "quadric"):
+        steps, numbers = bench.meet(shape, element_of(bench), starts, along)
+        assert (numbers == NONE).all() and np.isinf(steps).all()
+
+
+def test_a_ray_tangent_to_a_sphere_gives_no_nan(bench):
+    """Within a few roundings of touching, either way: met at about the right step, or missed."""
+    size, generator = 100.0, np.random.default_rng(6)
+    element = element_of(bench, quadric=Quadric.conic(size), outer_mm=0.999 * size)
+    polar, turn = generator.uniform(0.3, 1.2, COUNT), generator.uniform(0, 2 * np.pi, COUNT)
+    out = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), -np.cos(polar)], -1)
+    along = np.stack([-np.sin(turn), np.cos(turn), np.zeros(COUNT)], -1)
+    off = size * (1 + bench.epsilon * generator.uniform(-4, 4, COUNT))
+    steps, numbers = bench.meet("quadric", element, [0, 0, size] + off[:, None] * out - 50 * along, along)
+    assert not np.isnan(steps).any()
+    met = numbers == 0
+    assert 0 < met.sum() < COUNT  # both happen
+    assert np.isinf(steps[~met]).all()
+    # half a chord at a depth of 16 roundings of the radius
+    np.testing.assert_allclose(steps[met], 50, rtol=0, atol=size * np.sqrt(2 * 16 * bench.epsilon))
+
+
+# --- what becomes of them -----------------------------------------------------------------------------------
+
+
+def exact_fresnel(index_in, index_out, angle):
+    """Unpolarised reflectance from Fresnel's amplitudes, by the angles."""
+    sine = index_in / index_out * np.sin(angle)
+    if sine >= 1:
+        return 1.0
+    other = np.arcsin(sine)
+    if angle == 0:
+        return ((index_in - index_out) / (index_in + index_out)) ** 2
+    s, p = np.sin(angle - other) / np.sin(angle + other), np.tan(angle - other) / np.tan(angle + other)
+    return (s * s + p * p) / 2
+
+
+BREWSTER = np.degrees(np.arctan(1.5168))
+ANGLES = [(1.0, 1.5168, a) for a in (0.0, 30.0, BREWSTER, 60.0, 85.0, 89.9)]
+ANGLES += [(1.5168, 1.0, a) for a in (0.0, 20.0, 35.0, 90 - BREWSTER, 42.0, 60.0, 89.9)]  # critical: 41.2
+ANGLES += [(1.5168, 1.6727, 30.0), (1.33, 1.33, 40.0)]
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("index_in", "index_out", "degrees"), ANGLES)
+def test_reflectance_is_fresnels(bench, index_in, index_out, degrees, side):
+    """From the front and from the back; beyond the critical angle all is reflected."""
+    angle = np.radians(degrees)
+    front, back = (index_in, index_out) if side > 0 else (index_out, index_in)
+    element = element_of(bench, index_front=front, index_back=back, reflectance=-1.0)
+    along = np.array([[np.sin(angle), 0.0, -side * np.cos(angle)]])
+    found = bench.refract(element, along).weight[0]
+    tolerance = {"fp32": 1e-6, "fp64": 1e-13}[bench.precision]  # a dozen roundings of a share of 1
+    assert abs(found - exact_fresnel(index_in, index_out, angle)) <= tolerance
+    if degrees == 42.0:
+        assert found == 1.0
+
+
+@pytest.mark.parametrize(("front", "back"), [(1.0, 1.5168), (1.5168, 1.0), (1.5168, 1.6727)])
+@pytest.mark.parametrize("side", [1, -1])
+def test_directions_follow_snells_law(bench, front, back, side):
+    """n x d times the index is the same on both sides, the direction is of length 1 and goes on to the same side."""
+    generator = np.random.default_rng(7)
+    normal = unit(generator.normal(size=(COUNT, 3)))
+    across = unit(np.cross(normal, generator.normal(size=(COUNT, 3))))
+    index_in, index_out = (front, back) if side > 0 else (back, front)
+    limit = min(1.0, index_out / index_in)
+    sine = limit * generator.uniform(0.0, 0.98, COUNT)  # nearer to the critical angle a root spoils half the digits
+    along = sine[:, None] * across - side * np.sqrt(1 - sine * sine)[:, None] * normal
+    element = element_of(bench, index_front=front, index_back=back, reflectance=-1.0)
+    found = bench.refract(element, along, normal)
+    tolerance = {"fp32": 1e-6, "fp64": 2e-15}[bench.precision]  # a few roundings of 1, at most 5-fold by the root
+    np.testing.assert_allclose(index_out * np.cross(normal, found.goes), index_in * np.cross(normal, along), rtol=0,
+                               atol=2 * tolerance)  # fmt: skip
+    np.testing.assert_allclose(np.linalg.norm(found.goes, axis=1), 1, rtol=0, atol=tolerance)
+    assert ((found.goes * normal).sum(1) * side < 0).all()
+    assert (found.weight < 1).all()
+    if index_out < index_in:
+        sine = generator.uniform(limit * 1.0001, 1.0, COUNT)
+        along = sine[:, None] * across - side * np.sqrt(1 - sine * sine)[:, None] * normal
+        assert (bench.refract(element, along, normal).weight == 1).all()
+
+
+def test_a_coating_reflects_what_it_says_but_for_total_reflection(bench):
+    angle = np.radians([0.0, 30.0, 60.0, 85.0])
+    along = np.stack([np.sin(angle), 0 * angle, -np.cos(angle)], -1)
+    element = element_of(bench, index_front=1.0, index_back=1.5, reflectance=0.25)
+    np.testing.assert_array_equal(bench.refract(element, along).weight, 0.25)
+    np.testing.assert_array_equal(bench.refract(element, -along).weight, [0.25, 0.25, 1.0, 1.0])
+    black = element_of(bench, index_front=1.0, index_back=1.5, reflectance=0.0)
+    np.testing.assert_array_equal(bench.refract(black, along).weight, 0.0)
+
+
+@pytest.mark.parametrize("reflectance", [0.0, 0.01, 0.3, 0.97, 1.0])
+def test_the_branches_of_a_refractor_carry_their_shares(bench, reflectance):
+    """Over evenly spread draws the weights add up to the shares; no branch that carries light is rarer than `least`."""
+    words = (np.arange(COUNT) * (2**32 // COUNT) + 2**31 // COUNT).astype(np.uint32)
+    along = np.tile([[0.6, 0.0, -0.8]], (COUNT, 1))
+    element = element_of(bench, index_front=1.0, index_back=1.5, reflectance=reflectance, least_chance=0.125)
+    found = bench.interact("refractor", element, along, words=words)
+    reflected = found.event == 1
+    np.testing.assert_allclose(found.weight[reflected].sum() / COUNT, reflectance, rtol=0, atol=2 / COUNT)  # one draw
+    np.testing.assert_allclose(found.weight[~reflected].sum() / COUNT, 1 - reflectance, rtol=0, atol=2 / COUNT)
+    np.testing.assert_array_equal(reflected, found.goes[:, 2] > 0)
+    assert not found.ends.any()
+    chance = {0.0: 0.0, 0.01: 0.125, 0.3: 0.3, 0.97: 0.875, 1.0: 1.0}[reflectance]
+    assert abs(reflected.mean() - chance) <= 1 / COUNT
+    np.testing.assert_allclose(found.goes[reflected], np.tile([0.6, 0, 0.8], (reflected.sum(), 1)), atol=3e-7)  # 1 ulp
+
+
+@pytest.mark.parametrize("focal", [16.0, -30.0])
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_lens_changes_slopes_by_the_point_over_the_focal_length(bench, focal, side):
+    """Slopes are per length of way, so the same from both sides; length 1, onwards, the transmittance as weight."""
+    generator = np.random.default_rng(8)
+    p, q = generator.uniform(-0.5, 0.5, (2, COUNT))
+    point = np.stack([*generator.uniform(-5, 5, (2, COUNT)), np.zeros(COUNT)], -1)
+    along = unit(np.stack([p, q, np.full(COUNT, -float(side))], -1))
+    element = element_of(bench, inverse_focal_length=1 / focal, transmittance=0.75)
+    found = bench.interact("lens", element, along, point=point)
+    expected = unit(np.stack([p - point[:, 0] / focal, q - point[:, 1] / focal, np.full(COUNT, -float(side))], -1))
+    tolerance = {"fp32": 1e-6, "fp64": 1e-14}[bench.precision]  # a few roundings of 1
+    np.testing.assert_allclose(found.goes, expected, rtol=0, atol=tolerance)
+    np.testing.assert_array_equal(found.weight, 0.75)
+    assert not found.ends.any() and (found.event == 0).all()
+
+
+def test_a_mirror_reflects_what_comes_from_the_front_and_swallows_the_rest(bench):
+    generator = np.random.default_rng(9)
+    normal, along = unit(generator.normal(size=(2, COUNT, 3)))
+    found = bench.interact("mirror", element_of(bench, reflectance=0.5), along, normal)
+    front = (along * normal).sum(1) < 0
+    sure = np.abs((along * normal).sum(1)) > 1e-5  # which side a grazing ray comes from, rounding decides
+    np.testing.assert_array_equal(found.ends[sure] == 1, ~front[sure])
+    tolerance = {"fp32": 1e-6, "fp64": 2e-15}[bench.precision]  # a few roundings of 1
+    expected = along - 2 * (along * normal).sum(1)[:, None] * normal
+    np.testing.assert_allclose(found.goes, expected, rtol=0, atol=tolerance)
+    np.testing.assert_array_equal(found.weight, 0.5)
