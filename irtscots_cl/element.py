@@ -90,6 +90,8 @@ class Element:
                 refuse((key,), value, f"be given for kind {self.kind!r}")
             if value is not None and key not in ALLOWS[self.kind]:
                 refuse((key,), value, f"be left out for kind {self.kind!r}")
+        if self.kind != "lens" and self.transmittance != 1.0:
+            refuse(("transmittance",), self.transmittance, f"be left out for kind {self.kind!r}")
         if self.kind == "lens" and self.radius_mm is not None:
             refuse(("radius_mm",), self.radius_mm, "be left out: a paraxial lens is a plane")
 

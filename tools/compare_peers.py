@@ -19,10 +19,10 @@ from importlib.metadata import version
 import numpy as np
 from scipy.stats import chi2
 
+from irtscots_cl.aiming import emitters
 from irtscots_cl.bench.suite import conditions, peak_memory_mib
 from irtscots_cl.calibration import calibrate
 from irtscots_cl.device import Device, select_device
-from irtscots_cl.packing import emitters
 from irtscots_cl.presets import load_scene
 from irtscots_cl.tracer import TraceOptions, Tracer, trace
 from irtscots_cl.transport import Transport
@@ -47,7 +47,7 @@ def job() -> dict:
     """The scene's numbers, from this program's own description but traced by nobody here."""
     scene = load_scene("sphere")
     calibration = calibrate(scene)
-    sources, _ = emitters(calibration, "fp64", 1.0)
+    sources, _ = emitters(calibration, "fp64", 1.0, "mirror")
     return {
         "radius": scene.mirror.radius_mm,
         "rim2": (scene.mirror.diameter_mm / 2) ** 2,

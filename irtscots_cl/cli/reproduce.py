@@ -59,6 +59,7 @@ def _execute(options: argparse.Namespace) -> int:
     if options.json:
         print_json(plain(results))
     else:
-        print(", ".join(f"{count} {verdict}" for verdict, count in suite.counts(finished).items()))
+        verdicts = ", ".join(f"{count} {verdict}" for verdict, count in suite.counts(finished).items())
+        print(f"{verdicts}; {suite.TEST}")
         print(f"results in {options.out}")
     return 0

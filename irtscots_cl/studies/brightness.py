@@ -49,6 +49,11 @@ def study(lab: Lab) -> Outcome:
          ("height difference, random", shown[1])],
         ["relative brightness"] * 2 + ["nm"] * 2, [(0.9, 1.1), (0.9, 1.1), None, None], ("column", "row"), columns=2,
     )  # fmt: skip
+    removed = [
+        (f"{kind.split(',')[0]}, without {terms.replace('_', ', ')}",
+         remove_terms(even.x_mm, even.y_mm, heights[kind][0], even.mask, terms))
+        for kind in (drawn, "random") for terms in HEIGHT_TERMS
+    ]  # fmt: skip
     return Outcome(tuple(rows), (
         f"one transport map of {transport.rays_total:,} adjoint rays, Sobol, seed {SEED}; every brightness is a "
         "product with it; height differences from the even screen, so ray noise nearly cancels",
@@ -59,7 +64,7 @@ def study(lab: Lab) -> Outcome:
         f"random: uniform in 0.9 to 1.1 per screen pixel; {len(draws)} draws, mean and, in brackets, standard "
         "deviation of one",
         "the paper's 94.09 nm is tilt that was not removed; its 43.01 nm is one draw",
-    ), {"fig9.png": figure})  # fmt: skip
+    ), {"fig9.png": figure, "fig9_removed.png": maps(removed, "nm")})  # fmt: skip
 
 
 def _linear(scene: Scene, beyond: int) -> np.ndarray:

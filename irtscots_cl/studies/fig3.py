@@ -73,7 +73,7 @@ def _expected_with_noise(closed: list[ImageStack], traced: list[Traced], line: i
     difference, variance = (ideal - deviated)[lit], np.zeros(lit.sum())
     for t in traced:
         variance += t.stack.x.image(line, t.stack.x.standard_error_w())[lit] ** 2
-    sigma = np.sqrt(variance).clip(1e-300)
+    sigma = np.sqrt(variance).clip(1e-9 * ideal.max())  # a pixel that no ray of any part hit has none
     folded = sigma * np.sqrt(2 / np.pi) * np.exp(-((difference / sigma) ** 2) / 2)
     folded += difference * erf(difference / sigma / np.sqrt(2))
     return float(100 * folded.mean() / ideal[lit].mean())

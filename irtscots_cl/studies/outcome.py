@@ -19,6 +19,7 @@ Z_LIMIT = float(stats.norm.isf(FAILURE_CHANCE / 2))
 AGREES, BETTER, INCONSISTENT = "agrees", "better", "paper inconsistent"
 DIFFERS, ALONE = "differs", "ours alone"
 ROUNDING = 1e-9  # relative, of numbers without any other error
+TEST = f"tested against theory to {Z_LIMIT:.1f} standard errors, failure chance {FAILURE_CHANCE:g} each"
 HEAD = ("quantity", "paper", "expected", "ours", "verdict", "because")
 
 

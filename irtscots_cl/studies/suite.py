@@ -12,7 +12,7 @@ from pathlib import Path
 from irtscots_cl.files import replacing, write_text
 from irtscots_cl.report import Table, versions
 from irtscots_cl.studies.lab import Lab
-from irtscots_cl.studies.outcome import Outcome
+from irtscots_cl.studies.outcome import FAILURE_CHANCE, TEST, Z_LIMIT, Outcome
 
 # Name on the command line -> module; the order is that of `all`.
 STUDIES = {
@@ -56,6 +56,8 @@ def facts(finished: Iterable[Finished], lab: Lab) -> dict[str, object]:
         "device": lab.device.describe(),
         "versions": versions(),
         "quick": lab.quick,
+        "failure_chance": FAILURE_CHANCE,
+        "limit_standard_errors": Z_LIMIT,
         "studies": [
             {"name": f.name, "title": f.title, "seconds": f.seconds, "rows": [asdict(r) for r in f.outcome.rows],
              "notes": list(f.outcome.notes), "figures": list(f.outcome.figures)}
@@ -93,6 +95,6 @@ def write_documents(folder: Path, finished: list[Finished], lab: Lab) -> None:
         text = (files("irtscots_cl") / "templates" / name).read_text(encoding="utf-8")
         template = jinja2.Environment(autoescape=escape, trim_blocks=True, lstrip_blocks=True).from_string(text)
         page = template.render(
-            finished=finished, device=device, versions=about, quick=lab.quick, counts=counts(finished)
+            finished=finished, device=device, versions=about, quick=lab.quick, counts=counts(finished), test=TEST
         )
         write_text(folder / name, page + "\n")
