@@ -33,6 +33,8 @@ INLINE uint count_lanes(intv counts) { return (uint)counts; }
 
 INLINE ulong mask_word(maskv mask) { return mask; }
 #define ALL_LANES 1UL
+#define LANE_PARTS 1
+#define LANE_PART 1UL
 INLINE int lowest_lane(ulong word) { return 0; }
 
 INLINE wordv reverse_bits(wordv x) {

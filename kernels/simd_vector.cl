@@ -60,6 +60,9 @@ INLINE ulong mask_word(maskv mask) {
     return word;
 }
 
+// The lanes of a mask word in ascending order: 8 * p ... 8 * p + 7 are the bits of word >> p & LANE_PART.
+#define LANE_PARTS (WIDTH / 8)
+#define LANE_PART 0x0101010101010101UL
 #define ALL_LANES (0x0101010101010101UL * ((1 << WIDTH / 8) - 1))   // mask_word of a full mask
 
 INLINE int lowest_lane(ulong word) {

@@ -126,9 +126,10 @@ INLINE void trace_rays(const Trace *trace, Rays *rays, int count) {
         for (int v = 0; v * WIDTH < count; ++v) {
             const ulong alive = step_rays(trace, rays, v, nearest.step[v], nearest.which[v]);
             if (alive == ALL_LANES && left == v * WIDTH) left += WIDTH;   // they are where they belong
-            else
-                for (ulong lanes = alive; lanes != 0; lanes &= lanes - 1)
-                    ray_copy(rays, left++, rays, v * WIDTH + lowest_lane(lanes));
+            else   // in ascending order: none is overwritten before it was copied
+                for (int part = 0; part < LANE_PARTS; ++part)
+                    for (ulong lanes = alive >> part & LANE_PART; lanes != 0; lanes &= lanes - 1)
+                        ray_copy(rays, left++, rays, v * WIDTH + 8 * part + lowest_lane(lanes));
         }
         count = left;
     }
