@@ -1,9 +1,9 @@
 """Where the forward estimator's rays are aimed: at the whole mirror, or at the part of it that the camera sees lit.
 
-A screen pixel lights the whole mirror, but only from a small part of it does its light come into the camera's aperture:
-on the paper's sphere from a fifth, on the off-axis preset from a thousandth. Both aims are ellipses in the direction
-cosines of the screen's frame, over which Lambertian light is uniform. All rays weigh the same: the ellipses that are
-aimed at the camera have one and the same share of the area of those that cover the mirror.
+A screen pixel lights the whole mirror, but only from a part of it does its light come into the camera's aperture. Both
+aims are ellipses in the direction cosines of the screen's frame, over which Lambertian light is uniform. All rays
+weigh the same: the ellipses that are aimed at the camera have one and the same share of the area of those that cover
+the mirror.
 """
 
 from __future__ import annotations

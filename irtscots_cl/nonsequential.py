@@ -98,12 +98,12 @@ class Kept:
 
     def table(self) -> np.ndarray:
         """The kernels' Path structures: these paths', then one for all others, which count as ghosts."""
-        table = np.zeros(len(self.codes) + 1, PATH)
+        table, of_kind = np.zeros(len(self.codes) + 1, PATH), self.of_kind
         for entry, code, weight in zip(table, self.codes, self.weights, strict=False):
             kind = kind_of(code)
             entry["low"], entry["high"] = code & 0xFFFFFFFF, code >> 32
-            entry["scale"], entry["class_scale"], entry["kind"] = _scale(weight), self.of_kind[kind], kind
-        table["scale"][-1], table["kind"][-1], table["class_scale"][-1] = 2.0**SCALE_BITS, 1, self.of_kind[1]
+            entry["scale"], entry["class_scale"], entry["kind"] = _scale(weight), of_kind[kind], kind
+        table["scale"][-1], table["kind"][-1], table["class_scale"][-1] = 2.0**SCALE_BITS, 1, of_kind[1]
         return table
 
 

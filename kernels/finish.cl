@@ -62,7 +62,7 @@ INLINE void detect(const Trace *trace, real u, real v, real weight, uint low, ui
     INLINE maskv finish_##kind(const Trace *trace, const Rays *rays, int v, int number, maskv meets,         \
                                const Interaction *at) {                                                      \
         const maskv ended = meets & at->ends;                                                                \
-        count_rays(trace, PATH_ABSORBED + number, lanes_in(ended));                                                \
+        count_rays(trace, PATH_ABSORBED + number, lanes_in(ended));                                \
         return ended;                                                                                        \
     }
 #define leave_mirror interaction_end

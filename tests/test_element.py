@@ -8,6 +8,7 @@ import math
 import tomllib
 
 import pytest
+from refusals import refusal
 
 from irtscots_cl.element import KINDS, RESERVED, Element
 from irtscots_cl.presets import load_scene, preset_text
@@ -48,14 +49,6 @@ def with_elements(*tables):
     data = copy.deepcopy(BASE)
     data["element"] += list(tables)
     return data
-
-
-def refusal(data):
-    with pytest.raises(SceneError) as caught:
-        Scene.from_dict(data, source="my.toml")
-    message = str(caught.value)
-    assert message.isprintable()  # one line, no control characters
-    return message
 
 
 @pytest.mark.parametrize("kind", KINDS)

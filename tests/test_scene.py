@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from refusals import refusal
 
 from irtscots_cl.presets import preset_text
 from irtscots_cl.scene import Camera, Detector, Mirror, Scene, SceneError, Screen, ZernikeTerms, _toml_value
@@ -46,14 +47,6 @@ def without(*steps):
         part = part[step]
     del part[steps[-1]]
     return data
-
-
-def refusal(data):
-    with pytest.raises(SceneError) as caught:
-        Scene.from_dict(data, source="my.toml")
-    message = str(caught.value)
-    assert message.isprintable()  # one line, no control characters
-    return message
 
 
 # --- ranges and types ---------------------------------------------------------------------------------------
