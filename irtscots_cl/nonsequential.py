@@ -19,6 +19,7 @@ from irtscots_cl.packing import pack
 from irtscots_cl.parts import Part, check_media, groups_of, on_screen, parts_of
 from irtscots_cl.paths import KINDS, MAX_EVENTS, PathFlux, PathLight, kind_of, name_of
 from irtscots_cl.program import Source, check_precision, compose
+from irtscots_cl.runner import run_rays
 from irtscots_cl.scatter import ABg, Harvey
 from irtscots_cl.scene import Scene, SceneError
 
@@ -111,7 +112,7 @@ class PathTracer:
     """The kernel and buffers of one scene on one device.
 
     source: what was built. streams: screen pixels. unit_w: flux [W] of weight 1 in a run of one ray per screen pixel.
-    kernel_seconds: of `run` so far. Raises DeviceError if the device cannot build or hold it.
+    kernel_seconds: of `run` so far. A runner.Job. Raises DeviceError if the device cannot build or hold it.
     """
 
     def __init__(
@@ -125,7 +126,8 @@ class PathTracer:
         check_precision(device, options.precision)
         calibration = calibrate(scene)
         check_visible(calibration, f"scene {scene.name}")
-        self.scene, self.options, self.parts, self._pace = scene, options, parts_of(scene), Pace()
+        self.scene, self.options, self.parts, self.pace = scene, options, parts_of(scene), Pace()
+        self.max_rays_per_item, self.first_launch_rays = MAX_RAYS_PER_ITEM, FIRST_LAUNCH_RAYS
         check_media(scene, self.parts)
         real, packed = PRECISIONS[options.precision], pack(calibration, options.precision)
         elements = pack_elements(scene, self.parts, real, least_chance)
@@ -146,13 +148,14 @@ class PathTracer:
 
     def find(self) -> Kept:
         """The paths that reach the detector in a pilot run."""
-        work, rays = self._workspace, max(PILOT_RAYS // self.streams, 16)
-        found, table = np.zeros(1 + 3 * FOUND_SIZE, np.uint32), work.upload(np.zeros(1, PATH))
-        for buffer in (self._found, self._sums):
-            work.clear(buffer)
-        for part in plan_launches(self.streams, rays, self._launch_rays, MAX_RAYS_PER_ITEM):
-            self._launch(table, 1, PILOT, FOUND_SIZE, part)
-        work.download(self._found, found)
+        found = np.zeros(1 + 3 * FOUND_SIZE, np.uint32)
+        self._workspace.clear(self._found)
+        self.clear()
+        self._keep(Kept((), ()), FOUND_SIZE)
+        rays = max(PILOT_RAYS // self.streams, 16)
+        for part in plan_launches(self.streams, rays, lambda: self.first_launch_rays, self.max_rays_per_item):
+            self.launch(PILOT, part)
+        self._workspace.download(self._found, found)
         low, high, bits = found[1:].reshape(-1, 3)[: min(int(found[0]), FOUND_SIZE)].T
         weights = bits.copy().view(np.float32).astype(float)
         codes, index = np.unique(high.astype(np.uint64) << np.uint64(32) | low.astype(np.uint64), return_inverse=True)
@@ -163,32 +166,26 @@ class PathTracer:
 
     def run(self, rays: np.ndarray, kept: Kept, progress=None) -> tuple[np.ndarray, np.ndarray]:
         """Images [replicates, kinds, lines, pixels] and sums [replicates, ends + elements + 2 paths]: whole numbers."""
-        work, table = self._workspace, self._workspace.upload(kept.table())
-        images = np.empty((len(rays), *self._image_shape), np.uint64)
-        sums = np.empty((len(rays), *self._sums_shape), np.uint64)
-        done, total = 0, int(rays.sum()) * self.streams
-        self._pace.kernel_seconds = 0.0
-        for replicate, of_stream in enumerate(rays):
-            work.clear(self._images)
-            work.clear(self._sums)
-            for part in plan_launches(self.streams, int(of_stream), self._launch_rays, MAX_RAYS_PER_ITEM):
-                self._launch(table, len(kept.codes) + 1, replicate, 0, part)
-                done += part[1] * part[3]
-                if progress is not None:
-                    progress(done, total)
-            work.download(self._images, images[replicate])
-            work.download(self._sums, sums[replicate])
-        return images, sums
+        self._keep(kept, 0)
+        return run_rays(self, rays, progress)
+
+    def clear(self) -> None:
+        for buffer in (self._images, self._sums):
+            self._workspace.clear(buffer)
+
+    def sums(self) -> tuple[np.ndarray, np.ndarray]:
+        """Images and sums, without their replicates, of the launches since the last clear."""
+        work = self._workspace
+        return (work.download(self._images, np.empty(self._image_shape, np.uint64)),
+                work.download(self._sums, np.empty(self._sums_shape, np.uint64)))  # fmt: skip
 
     def throughput(self, rays: int) -> float:
         """Rays per second of one launch of about that many rays, from its kernel's time; paths are not told apart."""
-        work, of_stream = self._workspace, max(rays // self.streams, 1)
-        nothing = Kept((), ())
-        table = work.upload(nothing.table())
-        for buffer in (self._images, self._sums):
-            work.clear(buffer)
-        self._pace.kernel_seconds = 0.0
-        self._launch(table, 1, 0, 0, (0, self.streams, 0, of_stream))
+        of_stream = max(rays // self.streams, 1)
+        self._keep(Kept((), ()), 0)
+        self.clear()
+        self.pace.kernel_seconds = 0.0
+        self.launch(0, (0, self.streams, 0, of_stream))
         return of_stream * self.streams / self.kernel_seconds
 
     def ends(self, sums: np.ndarray, launched: int) -> dict[str, int]:
@@ -217,20 +214,22 @@ class PathTracer:
 
     @property
     def kernel_seconds(self) -> float:
-        return self._pace.kernel_seconds
+        return self.pace.kernel_seconds
 
-    def _launch_rays(self) -> int:
-        return self._pace.launch_rays(FIRST_LAUNCH_RAYS)
+    def _keep(self, kept: Kept, found_size: int) -> None:
+        """What the next launches tell apart; with found_size above 0 they list what is detected instead."""
+        table = kept.table()
+        self._paths = self._workspace.upload(table)
+        self._job["path_count"], self._job["found_size"] = len(table), found_size
 
-    def _launch(self, table, count: int, replicate: int, found_size: int, part: tuple[int, int, int, int]) -> None:
+    def launch(self, replicate: int, part: tuple[int, int, int, int]) -> None:
         _, streams, _, rays = part
-        per_item = max(1, min(rays, MAX_RAYS_PER_ITEM))
-        launch, job = launch_structure(self.scene, self.options, replicate, part, per_item), self._job.copy()
-        job["path_count"], job["found_size"] = count, found_size
+        per_item = max(1, min(rays, self.max_rays_per_item))
+        launch = launch_structure(self.scene, self.options, replicate, part, per_item)
         scene, sources, elements = self._before
-        arguments = [scene, launch, sources, elements, table, self._sums, self._images, self._found, job]
+        arguments = [scene, launch, sources, elements, self._paths, self._sums, self._images, self._found, self._job]
         seconds = self._workspace.launch((streams, max(1, -(-rays // per_item))), arguments)
-        self._pace.launched(streams * rays, seconds)
+        self.pace.launched(streams * rays, seconds)
 
 
 def pack_elements(scene: Scene, parts: tuple[Part, ...], real, least_chance: float) -> np.ndarray:

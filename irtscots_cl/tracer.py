@@ -13,12 +13,13 @@ from irtscots_cl.calibration import Calibration, calibrate, check_visible
 from irtscots_cl.device import Device, select_device
 from irtscots_cl.execution import LocalMemory, Workspace
 from irtscots_cl.interface import WEIGHT_ONE, Fate
-from irtscots_cl.launches import MAX_RAYS_PER_ITEM, Pace, launch_structure, plan_launches, share_rays
+from irtscots_cl.launches import FIRST_LAUNCH_RAYS, MAX_RAYS_PER_ITEM, Pace, launch_structure, share_rays
 from irtscots_cl.nonsequential import trace_paths
 from irtscots_cl.options import ANALYTIC, MAX_SMOOTHED_RAYS, NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import cosine4, line_receivers, pack, receivers
 from irtscots_cl.paths import PathLight
 from irtscots_cl.program import check_precision, compose
+from irtscots_cl.runner import run_rays
 from irtscots_cl.scene import Scene
 from irtscots_cl.transport import LineLight, Transport, ledger_from, line_flux
 from irtscots_cl.windows import place_windows
@@ -121,7 +122,7 @@ class Tracer:
     rays (screen or detector pixels). unit_w: flux [W] of one count in a run of one ray per stream, broadcasting to
     [n, window rows, window columns]. source: what was built. kernel_seconds: spent in kernels by `run` so far.
 
-    Raises DeviceError if the device cannot build or hold it.
+    A runner.Job. Raises DeviceError if the device cannot build or hold it.
     """
 
     def __init__(
@@ -142,7 +143,8 @@ class Tracer:
         sources, self.unit_w = self._sources(calibration)
         rows, columns = self.windows.rows, self.windows.columns
         self._bins = (columns + 2 + rows + 2,) if options.smoothing else (rows, columns)  # of a slot
-        self.streams, self._pace = len(sources), Pace()
+        self.streams, self.pace = len(sources), Pace()
+        self.max_rays_per_item, self.first_launch_rays = MAX_RAYS_PER_ITEM, FIRST_LAUNCH_RAYS
         tile = LocalMemory(self._tile_bytes())
         if accumulate is None:
             fits = tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes, rays * TILE_BYTES_PER_RAY)
@@ -158,7 +160,7 @@ class Tracer:
         self._before = [work.upload(packed.scene)]
         tile = tile if accumulate == "tile" else LocalMemory(8)
         self._after = [work.upload(sources), *lookup, self._counts, self._ledger, tile]
-        self._launch(0, 0, 1, 0, 0)  # no rays: some drivers compile at the first launch
+        self.launch(0, (0, 1, 0, 0))  # no rays: some drivers compile at the first launch
 
     def _sources(self, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
         """The kernel's emitters or receivers, and unit_w."""
@@ -195,24 +197,20 @@ class Tracer:
 
         With smoothing, counts are second differences (see kernels/trace_lines.cl).
         """
-        work = self._workspace
-        counts = np.empty((len(rays), len(self.windows.pixels), *self._bins), np.uint64)
-        done, total = 0, int(rays.sum()) * self.streams
-        self._pace.kernel_seconds = 0.0
-        work.clear(self._ledger)
-        for replicate, of_stream in enumerate(rays):
-            work.clear(self._counts)
-            pace = (lambda: launch_rays) if launch_rays else self._pace.launch_rays
-            for part in plan_launches(self.streams, int(of_stream), pace, MAX_RAYS_PER_ITEM):
-                self._launch(replicate, *part)
-                done += part[1] * part[3]
-                if progress is not None:
-                    progress(done, total)
-            work.download(self._counts, counts[replicate])
-        fates = work.download(self._ledger, np.zeros(len(Fate), np.uint64))
+        counts, fates = run_rays(self, rays, progress, launch_rays)
+        fates = fates.sum(0)
         if self.options.estimator == "adjoint":  # its windows hold weights, so the kernel counts only the others
-            fates[Fate.DETECTED] = total - int(fates.sum())
+            fates[Fate.DETECTED] = int(rays.sum()) * self.streams - int(fates.sum())
         return counts, fates
+
+    def clear(self) -> None:
+        for buffer in (self._counts, self._ledger):
+            self._workspace.clear(buffer)
+
+    def sums(self) -> tuple[np.ndarray, np.ndarray]:
+        """Counts [n, window rows, window columns] and rays [Fate] of the launches since the last clear."""
+        work, counts = self._workspace, np.empty((len(self.windows.pixels), *self._bins), np.uint64)
+        return work.download(self._counts, counts), work.download(self._ledger, np.zeros(len(Fate), np.uint64))
 
     def throughput(self, rays: int) -> float:
         """Rays per second of one launch of about that many rays, from its kernel's time.
@@ -222,19 +220,19 @@ class Tracer:
         """
         of_stream = max(rays // self.streams, MIN_TIMED_RAYS)
         streams = max(1, min(self.streams, rays // of_stream))
-        self._pace.kernel_seconds = 0.0
-        self._launch(0, (self.streams - streams) // 2, streams, 0, of_stream)
+        self.pace.kernel_seconds = 0.0
+        self.launch(0, ((self.streams - streams) // 2, streams, 0, of_stream))
         return of_stream * streams / self.kernel_seconds
 
     @property
     def kernel_seconds(self) -> float:
-        return self._pace.kernel_seconds
+        return self.pace.kernel_seconds
 
-    def _launch(self, replicate: int, first_stream: int, streams: int, first_ray: int, rays: int) -> None:
-        per_item = max(1, min(rays, MAX_RAYS_PER_ITEM))
-        part = (first_stream, streams, first_ray, rays)
+    def launch(self, replicate: int, part: tuple[int, int, int, int]) -> None:
+        _, streams, _, rays = part
+        per_item = max(1, min(rays, self.max_rays_per_item))
         launch = launch_structure(self.scene, self.options, replicate, part, per_item)
         launch["window_columns"], launch["window_rows"] = self.windows.columns, self.windows.rows
         parts = max(1, -(-rays // per_item))
         seconds = self._workspace.launch((streams, parts), [*self._before, launch, *self._after])
-        self._pace.launched(streams * rays, seconds)
+        self.pace.launched(streams * rays, seconds)

@@ -15,16 +15,18 @@ from oracle import tracer
 from scipy import stats
 from significance import sidak_p
 
+from irtscots_cl import runner
 from irtscots_cl.aiming import emitters
 from irtscots_cl.calibration import Calibration
 from irtscots_cl.device import DeviceError
 from irtscots_cl.interface import WEIGHT_ONE
+from irtscots_cl.launches import plan_launches
 from irtscots_cl.options import ESTIMATORS, TraceOptions
 from irtscots_cl.packing import receivers
 from irtscots_cl.presets import load_scene
 from irtscots_cl.samplers import SAMPLERS
 from irtscots_cl.scene import SceneError
-from irtscots_cl.tracer import Tracer, plan_launches, trace
+from irtscots_cl.tracer import Tracer, trace
 from irtscots_cl.windows import place_windows
 
 module = import_module("irtscots_cl.tracer")
@@ -408,7 +410,7 @@ RAYS = 768
 def start(request, monkeypatch):
     """The number of the first ray of every stream that a trace takes."""
     monkeypatch.setattr(
-        module,
+        runner,
         "plan_launches",
         lambda *given: ((s, n, ray + request.param, rays) for s, n, ray, rays in plan_launches(*given)),
     )
