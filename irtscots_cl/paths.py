@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -31,10 +31,20 @@ class PathFlux:
 
 
 @dataclass(frozen=True)
+class StayingFlux:
+    """Light that ends elsewhere than on the detector. standard_error_w: as of PathFlux."""
+
+    name: str
+    flux_w: float
+    standard_error_w: float
+
+
+@dataclass(frozen=True)
 class PathLight(_Traced):
     """Result of a non-sequential trace.
 
-    paths: by flux, the largest first; the last, "other", holds those that the pilot run had not found. images_w:
+    paths: by flux, the largest first; the last, "other", holds those that the pilot run had not found. staying: light
+    that does not reach the detector, absorbed at elements, escaped or given up; in steps of 2^-20 of a ray. images_w:
     [replicates, KINDS, screen columns + rows, detector pixels] under single lines [W]. ends: rays by where they ended.
     ledger: the same in the words of all estimators. The rest as in transport.Transport.
     """
@@ -43,6 +53,7 @@ class PathLight(_Traced):
     options: TraceOptions
     device: dict[str, object]
     paths: tuple[PathFlux, ...]
+    staying: tuple[StayingFlux, ...]
     images_w: np.ndarray = field(repr=False)
     rays: np.ndarray
     ends: dict[str, int]
@@ -64,8 +75,7 @@ class PathLight(_Traced):
         """The same with the light of paths of these kinds alone."""
         kept = np.isin(KINDS, kinds)[None, :, None, None]
         paths = tuple(path for path in self.paths if path.kind in kinds)
-        return PathLight(self.scene, self.options, self.device, paths, np.where(kept, self.images_w, 0.0), self.rays,
-                         self.ends, self.ledger, self.seconds)  # fmt: skip
+        return replace(self, paths=paths, images_w=np.where(kept, self.images_w, 0.0))
 
     def line_flux_w(self, axis: str, brightness: np.ndarray | None = None) -> np.ndarray:
         """Light curves [replicates, n, lines] in W of all paths; ValueError for a brightness."""

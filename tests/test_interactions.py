@@ -56,17 +56,20 @@ INTERACT = """    Interaction at;
         ((uint *)&at.draw)[lane] = words[get_global_id(0) * WIDTH + lane];
     }
     at.goes = at.along;
-    at.weight = (realv)(1);
+    at.weight = at.arriving = (realv)(1);
+    at.absorbed = at.parts = (realv)(0);
     at.event = (intv)(EVENT_NOMINAL);
     at.ends = to_mask(at.event != at.event);
     CALL
     const intv ends = to_int(at.ends) != 0 ? (intv)(1) : (intv)(0);
     for (int lane = 0; lane < WIDTH; ++lane) {
         const size_t ray = get_global_id(0) * WIDTH + lane;
-        out[4 * ray] = ((const real *)&at.goes.x)[lane];
-        out[4 * ray + 1] = ((const real *)&at.goes.y)[lane];
-        out[4 * ray + 2] = ((const real *)&at.goes.z)[lane];
-        out[4 * ray + 3] = ((const real *)&at.weight)[lane];
+        out[6 * ray] = ((const real *)&at.goes.x)[lane];
+        out[6 * ray + 1] = ((const real *)&at.goes.y)[lane];
+        out[6 * ray + 2] = ((const real *)&at.goes.z)[lane];
+        out[6 * ray + 3] = ((const real *)&at.weight)[lane];
+        out[6 * ray + 4] = ((const real *)&at.absorbed)[lane];
+        out[6 * ray + 5] = ((const real *)&at.parts)[lane];
         marks[2 * ray] = ((const int *)&at.event)[lane];
         marks[2 * ray + 1] = ((const int *)&ends)[lane];
     }"""
@@ -75,15 +78,16 @@ INTERACT = """    Interaction at;
 class Bench:
     """Builds small kernels on the device under test and runs them."""
 
-    def __init__(self, device, folder, precision):
-        self.device, self.folder, self.precision = device, folder, precision
+    def __init__(self, device, folder, precision, branches="roulette"):
+        self.device, self.folder, self.precision, self.branches = device, folder, precision, branches
         self.real, self.width = PRECISIONS[precision], device.vector_width(precision)
         self.epsilon = float(np.finfo(self.real).eps)
 
     def kernel(self, name, include, signature, body):
         entry = kernel_text(self.folder / f"{name}.cl", [include], "__constant Element *elements, " + signature, body)
         structs = {"Scene": SCENE, "Element": element_dtype(self.real, 1)}
-        return Workspace(self.device, compose(entry, {}, structs, self.precision, self.width), name)
+        source = compose(entry, {"branch": self.branches}, structs, self.precision, self.width)
+        return Workspace(self.device, source, name)
 
     def launch(self, work, inputs, outputs):
         given = [work.upload(x) if isinstance(x, np.ndarray) else x for x in inputs]
@@ -112,15 +116,16 @@ class Bench:
         work = self.kernel("interact", f"interact_{kind}.cl", signature, body)
         extra = -len(rays) % self.width  # whole vectors
         rays, words = (np.concatenate([a, a[:1].repeat(extra, 0)]) for a in (rays, words))
-        out = [np.zeros((len(rays), 4), self.real), np.zeros((len(rays), 2), np.int32)]
+        out = [np.zeros((len(rays), 6), self.real), np.zeros((len(rays), 2), np.int32)]
         values, marks = (a[: len(along)] for a in self.launch(work, [element, rays, words.astype(np.uint32)], out))
         return SimpleNamespace(goes=values[:, :3].astype(float), weight=values[:, 3].astype(float),
+                               absorbed=values[:, 4].astype(float), parts=values[:, 5].astype(float),
                                event=marks[:, 0], ends=marks[:, 1])  # fmt: skip
 
-    def refract(self, element, along, normal=None):
+    def refract(self, element, along, normal=None, kind="refractor"):
         """Refracted directions and, in `weight`, the reflectance."""
-        call = "vec3v refracted; at.weight = refract(elements, &at, &refracted); at.goes = refracted;"
-        return self.interact("refractor", element, along, normal, call=call)
+        call = "const Refraction r = refract(elements, &at); at.weight = KIND_reflectance(elements, &r); at.goes = r.beyond;"
+        return self.interact(kind, element, along, normal, call=call)
 
 
 @pytest.fixture
@@ -415,6 +420,7 @@ def test_a_lens_changes_slopes_by_the_point_over_the_focal_length(bench, focal, 
     tolerance = {"fp32": 1e-6, "fp64": 1e-14}[bench.precision]  # a few roundings of 1
     np.testing.assert_allclose(found.goes, expected, rtol=0, atol=tolerance)
     np.testing.assert_array_equal(found.weight, 0.75)
+    np.testing.assert_array_equal(found.absorbed, 0.25)
     assert not found.ends.any() and (found.event == 0).all()
 
 
@@ -428,4 +434,5 @@ def test_a_mirror_reflects_what_comes_from_the_front_and_swallows_the_rest(bench
     tolerance = {"fp32": 1e-6, "fp64": 2e-15}[bench.precision]  # a few roundings of 1
     expected = along - 2 * (along * normal).sum(1)[:, None] * normal
     np.testing.assert_allclose(found.goes, expected, rtol=0, atol=tolerance)
-    np.testing.assert_array_equal(found.weight, 0.5)
+    np.testing.assert_array_equal(found.weight[sure], np.where(front[sure], 0.5, 0.0))
+    np.testing.assert_array_equal(found.absorbed, 1 - found.weight)

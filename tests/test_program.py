@@ -32,7 +32,7 @@ FAMILIES = {
 PATH_FAMILIES = {
     "keys": ["none", "random"],
     "spawn": ["none", "list"],
-    "scatter": ["lambertian", "harvey", "abg"],
+    "branch": ["roulette", "both"],
 }
 STRUCTS = {"Launch": LAUNCH}
 
@@ -105,7 +105,8 @@ def test_no_kernel_file_is_dead():
     for members in itertools.product(*PATH_FAMILIES.values()):
         choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power"}
         first = [path.name for path in kernels_folder().glob("interact_*.cl")]
-        first += ["element_deviated.cl", "finish_scattering.cl"]
+        first += ["element_deviated.cl", *(path.name for path in kernels_folder().glob("scatter_*.cl"))]
+        first += ["finish_refractor.cl" if choices["branch"] == "roulette" else "finish_both.cl"]
         used |= set(compose("trace_paths.cl", choices, STRUCTS, "fp32", 8, first=first).files)
     used |= set(compose("multiply_add.cl", {}, STRUCTS, "fp32", 8).files)  # the benchmark's own
     used |= set(compose("probe_sums.cl", {}, STRUCTS, "fp32", 8).files)
