@@ -17,10 +17,11 @@ from irtscots_cl.launches import Pace, launch_structure, plan_launches, share_ra
 from irtscots_cl.options import NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import pack
 from irtscots_cl.parts import Part, check_media, groups_of, on_screen, parts_of
-from irtscots_cl.paths import KINDS, MAX_EVENTS, PathFlux, PathLight, kind_of, name_of
+from irtscots_cl.paths import KINDS, MAX_EVENTS, PathFlux, PathLight, events_of, kind_of, name_of
 from irtscots_cl.program import Source, check_precision, compose
 from irtscots_cl.scatter import ABg, Harvey
 from irtscots_cl.scene import Scene, SceneError
+from irtscots_cl.sequence import NO_FOCUS, path_focus
 
 # As in kernels/finish.cl: then one per element, absorbed. "parted" are no end, but rays beside those launched.
 ENDS = ("detected", "escaped", "bounce limit", "failed", "parted")
@@ -208,11 +209,13 @@ class PathTracer:
         paths = sums[:, len(ENDS) + len(self.parts) :].reshape(len(rays), KEPT_PATHS, 2)
         names = tuple(part.name for part in self.parts)
         labels = [(name_of(code, names), KINDS[kind_of(code)]) for code in kept.codes] + [("other", "other")]
+        sharp = [*(path_focus(self.parts, events_of(code)) for code in kept.codes), NO_FOCUS]
         found = []
         for p, (label, entry) in enumerate(zip(labels, kept.table(), strict=True)):
             each = paths[:, p, 1] / float(entry["scale"]) * self.unit_w / rays
             error = float(np.std(each, ddof=1) / np.sqrt(len(rays))) if len(rays) > 1 else float("nan")
-            found.append(PathFlux(*label, float(np.average(each, weights=rays)), error, int(paths[:, p, 0].sum())))
+            found.append(PathFlux(*label, float(np.average(each, weights=rays)), error, int(paths[:, p, 0].sum()),
+                                  *sharp[p]))  # fmt: skip
         return (*sorted(found[:-1], key=lambda path: -path.flux_w), found[-1])
 
     @property

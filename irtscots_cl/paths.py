@@ -20,7 +20,8 @@ MARKS = ("", " (r)", " (s)")  # of events in names: reflected at a refractor, sc
 class PathFlux:
     """Light that takes one path to the detector. kind: one of KINDS, or "other" for all paths that are not kept apart.
 
-    standard_error_w: from the replicates, NaN with one. rays: that came this way.
+    standard_error_w: from the replicates, NaN with one. rays: that came this way. focus_mm, blur_mm: how sharp it is on
+    the detector, as sequence.path_focus says; NaN where that is unknown.
     """
 
     name: str
@@ -28,6 +29,8 @@ class PathFlux:
     flux_w: float
     standard_error_w: float
     rays: int
+    focus_mm: float = float("nan")
+    blur_mm: float = float("nan")
 
 
 @dataclass(frozen=True)

@@ -125,6 +125,8 @@ def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> dict:
                 "flux_standard_error_w": path.standard_error_w,
                 "of_direct": path.flux_w / direct if direct else math.nan,
                 "rays": path.rays,
+                "focus_mm": path.focus_mm,
+                "blur_mm": path.blur_mm,
             }
             for path in light.paths
         ],
@@ -141,14 +143,19 @@ def path_tables(facts: dict) -> list[Table]:
     return [
         Table(
             f"{facts['scene']}: paths from the screen to the detector",
-            ("path", "kind", "flux [W]", "of direct", "rays"),
+            ("path", "kind", "flux [W]", "of direct", "rays", "focus [mm]", "blur [mm]"),
             [(p["path"], p["kind"], str(Estimate(p["flux_w"], p["flux_standard_error_w"])), f"{p['of_direct']:.3g}",
-              f"{p['rays']:,}") for p in shown],
+              f"{p['rays']:,}", _short_mm(p["focus_mm"]), _short_mm(p["blur_mm"])) for p in shown],
         ),
         *([Table("What it adds to the height, piston and tilt removed",
                  ("light", "of direct", "height [nm rms]", "pixels lost"), stray)] if stray else []),
         Table("Rays by where they ended", ("", ""), ends),
     ]  # fmt: skip
+
+
+def _short_mm(length_mm: float) -> str:
+    """A length to a micrometre, nothing where there is none."""
+    return f"{round(length_mm, 3) + 0.0:.3f}" if math.isfinite(length_mm) else ""  # + 0.0: no minus before a zero
 
 
 def _part(part: ErrorPart) -> dict:

@@ -16,7 +16,7 @@ DESCRIPTION = ("checked", "scatter", "element", "scene", "presets", "surface", "
                "pixellight")  # fmt: skip
 DEVICE = ("interface", "device", "program", "execution")
 TRACING = ("windows", "samplers", "options", "launches", "aiming", "packing", "transport", "analytic", "parts",
-           "paths", "nonsequential", "tracer", "probes", "precision")  # fmt: skip
+           "sequence", "paths", "nonsequential", "tracer", "probes", "precision")  # fmt: skip
 IMAGING = ("images", "patterns", "detector")
 MEASURING = ("lightcurves", "centroids", "profiles", "phase", "slopes", "reconstruction", "refinement", "measures",
              "prediction")  # fmt: skip
