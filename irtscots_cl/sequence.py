@@ -101,8 +101,8 @@ def path_focus(parts: tuple[Part, ...], events) -> tuple[float, float]:
 
     focus_mm: along the chief ray from the detector to where the close rays meet; negative before the detector. Where
     the two meridians meet apart, their mean in vergence (one over the distance) just behind the path's last element, or
-    behind the stop if that comes later. blur_mm: diameter, of an ellipse the longer one, of what the object point lights
-    on the detector through the whole stop. NaN where there are no such rays, and for a scatterer behind the stop.
+    the stop if that comes later. blur_mm: diameter, of an ellipse the longer one, of what the object point lights on
+    the detector through the whole stop. NaN where there are no such rays, and for a scatterer behind the stop.
     """
     stop = next(part for part in parts if part.name == "stop")
     first, entry = _object_and_entry(parts, events, stop.frame)

@@ -23,8 +23,8 @@ def add(commands) -> None:
         "list the paths that light takes from the screen to the detector",
         "Traces the scene with all its elements in any order: direct paths, ghosts, their flux, how sharp they are "
         "on the detector, and what they add to the measured height. (r) marks a reflection at an interface that should "
-        "transmit. focus: from the detector to where the light of a mirror point meets again, negative before it; blur: "
-        "diameter of such a point's light on the detector.",
+        "transmit. focus: from the detector to where the light of a mirror point meets again, negative before it; "
+        "blur: diameter of its light on the detector.",
     )
     add_scene(parser)
     parser.add_argument(
