@@ -52,9 +52,9 @@ def _meet(part: Part, at, along, stands: bool) -> np.ndarray:
     step = larger / a if stands else c / larger
     point = base + step[:, None] * along
     ahead = back + step > -BEHIND * (1 + np.abs(back))
-    # of a closed surface only the side whose normal points to the front
+    # of a closed surface only the side whose normal points to the front; never of what is infinite or NaN
     front = part.quadric.q_zz * point[:, 2] + part.quadric.q_xz * point[:, 0] < 1
-    return np.where((ahead & front & np.isfinite(step))[:, None], point, np.nan)
+    return np.where((ahead & front)[:, None], point, np.nan)
 
 
 def _form(quadric: Quadric, a, b) -> np.ndarray:
@@ -112,8 +112,6 @@ def path_focus(parts: tuple[Part, ...], events) -> tuple[float, float]:
     rest = events[first + 1 :]
     after = trace_sequence(parts, rest, *fan)
     points, ways = (np.concatenate([start[None], then]) for start, then in zip(fan, after, strict=True))
-    if not (np.isfinite(points).all() and np.isfinite(ways[:-1]).all()):
-        return NO_FOCUS
     leg = entry - first - 1  # on which the light goes through the stop
     at_stop = stop.frame.arrive(points[leg], ways[leg])
     at_detector = parts[rest[-1][0]].frame.arrive(points[-1], ways[-2])

@@ -114,11 +114,13 @@ def sphere(kind="mirror", radius=10.0, **values):
 
 
 def test_a_ray_in_a_bowl_meets_it_again_and_again():
-    """In a circle all chords are of one length."""
-    start, chord = np.array([[-8.0, 0.0, 10.0]]), 2 * 10 * math.sin(math.acos(0.8))
-    points, _ = trace_sequence([sphere()], [(0, 0)] * 2, start, [DOWN])
-    np.testing.assert_allclose(points[:, 0], [[-8, 0, 4], [-8 + chord * 0.96, 0, 4 - chord * 0.28]], atol=1e-13)
-    assert np.linalg.norm(points[1, 0] - [0, 0, 10]) == pytest.approx(10, rel=1e-14)
+    """A circle's chords turn by pi less twice the angle of incidence. The second way begins next to the vertex."""
+    incidence = math.asin(0.9)
+    points, ways = trace_sequence([sphere()], [(0, 0)] * 3, [(-9.0, 0.0, 10.0)], [DOWN])
+    turned = -incidence + (math.pi - 2 * incidence) * np.arange(3)  # about (0, 0, 10), from the vertex
+    expected = np.column_stack([10 * np.sin(turned), np.zeros(3), 10 - 10 * np.cos(turned)])
+    np.testing.assert_allclose(points[:, 0], expected, rtol=0, atol=1e-13)  # rounding
+    np.testing.assert_allclose(ways[1, 0], unit(points[2, 0] - points[1, 0]), rtol=0, atol=1e-13)
 
 
 GLASS = {"index_front": 1.5, "index_back": 1.0}
@@ -131,13 +133,14 @@ STEEP = unit([1.0, 0.0, -1.0])
         (sphere(), 0, (12.0, 0.0, 10.0), DOWN, False),  # beside it
         (sphere(), 0, (1.0, 0.0, -1.0), DOWN, False),  # it lies behind
         (sphere(), 0, (0.0, 0.0, -1.0), (0.0, 0.0, 1.0), True),  # a mirror's back is black
-        (sphere(), 0, (0.0, 0.0, 10.0), (0.0, 0.0, 1.0), False),  # on the half that is none of it
+        (sphere(), 0, (-30.0, 0.0, 15.0), (1.0, 0.0, 0.0), False),  # the half that is none of it
         (Part("glass", "refractor", "plane", LOCAL, **GLASS), 0, (0.0, 0.0, 1.0), STEEP, True),  # total reflection
         (Part("plate", "mirror", "plane", LOCAL), 0, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), False),  # along it
         (Part("plate", "absorber", "plane", LOCAL), 0, (0.0, 0.0, 1.0), DOWN, True),
         (sphere("scattering"), 2, (0.0, 0.0, 1.0), DOWN, True),
+        (Part("lens", "lens", "plane", LOCAL), 2, (0.0, 0.0, 1.0), DOWN, True),
     ],
-    ids=["beside", "behind", "back", "other half", "total reflection", "along", "absorber", "scatterer"],
+    ids=["beside", "behind", "back", "other half", "total reflection", "along", "absorber", "scatterer", "lens (s)"],
 )
 def test_where_no_light_goes_on_there_is_nan(part, event, start, direction, met):
     (points,), (ways,) = trace_sequence([part], [(0, event)], [start], [direction])
@@ -276,7 +279,7 @@ def test_the_singlets_ghosts_by_the_paraxial_matrix(names):
     assert blur_mm == pytest.approx(abs(height + slope * (detector - z)), rel=ORDER)  # the stop's diameter is 1
 
 
-FOLD = np.array([-600.0, 0.0, 3800.0])
+FOLD = np.array([-600.0, 350.0, 3800.0])  # aside of the plane of all else: no axis lies in its meridians
 
 
 def folded(radius):
