@@ -18,10 +18,11 @@ from irtscots_cl.options import BRANCHES, NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import pack
 from irtscots_cl.partpacking import pack_elements, pack_scatter, path_job
 from irtscots_cl.parts import Part, check_media, parts_of
-from irtscots_cl.paths import KINDS, MAX_EVENTS, PathFlux, PathLight, StayingFlux, kind_of, name_of
+from irtscots_cl.paths import KINDS, MAX_EVENTS, PathFlux, PathLight, StayingFlux, events_of, kind_of, name_of
 from irtscots_cl.program import Source, check_precision, compose
 from irtscots_cl.runner import run_rays
 from irtscots_cl.scene import Scene, SceneError
+from irtscots_cl.sequence import NO_FOCUS, path_focus
 
 # As in kernels/finish.cl: then one per element, absorbed. "parted" are no end, but rays beside those launched.
 ENDS = ("detected", "escaped", "bounce limit", "failed", "parted")
@@ -85,7 +86,7 @@ def trace_paths(
     ends = tracer.ends(sums, int(rays.sum()) * tracer.streams)
     images_w = images * (tracer.unit_w / kept.of_kind)[None, :, None, None] / rays[:, None, None, None]
     return PathLight(scene, options, device.describe(), tracer.fluxes(sums, kept, rays), tracer.staying(sums, rays),
-                     images_w, rays, ends, _ledger(ends), seconds)  # fmt: skip
+                     tracer.launched_w, images_w, rays, ends, _ledger(ends), seconds)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,8 @@ class Kept:
 class PathTracer:
     """The kernel and buffers of one scene on one device.
 
-    source: what was built. streams: screen pixels. unit_w: flux [W] of weight 1 in a run of one ray per screen pixel.
+    source: what was built. streams: screen pixels. unit_w: flux [W] of weight 1 in a run of one ray per screen pixel,
+    launched_w: of all rays.
     kernel_seconds: of `run` so far. A runner.Job. Raises DeviceError if the device cannot build or hold it.
     """
 
@@ -144,7 +146,8 @@ class PathTracer:
         scatter, structs = pack_scatter(scene, self.parts, real, aimed_scatter)
         structs |= {"Element": elements.dtype, "Path": PATH, "PathJob": self._job.dtype}
         self.source = _compose(packed, self.parts, structs, options, branches, device)
-        self.unit_w = scene.screen.radiance * scene.screen.pitch_mm**2 * float(area.max())
+        gain = scene.screen.radiance * scene.screen.pitch_mm**2
+        self.unit_w, self.launched_w = gain * float(area.max()), gain * float(area.sum())
         self._image_shape = (len(KINDS), sum(scene.screen.pixels), int(np.prod(scene.camera.detector.pixels)))
         self._sums_shape = (len(ENDS) + 2 * len(self.parts) + 2 + 2 * KEPT_PATHS,)
         size = 8 * int(np.prod(self._image_shape))
@@ -215,10 +218,11 @@ class PathTracer:
         paths = sums[:, -2 * KEPT_PATHS :].reshape(len(rays), KEPT_PATHS, 2)
         names = tuple(part.name for part in self.parts)
         labels = [(name_of(code, names), KINDS[kind_of(code)]) for code in kept.codes] + [("other", "other")]
+        sharp = [*(path_focus(self.parts, events_of(code)) for code in kept.codes), NO_FOCUS]
         found = []
         for p, (label, entry) in enumerate(zip(labels, kept.table(), strict=True)):
             flux = self._watts(paths[:, p, 1] / float(entry["scale"]), rays)
-            found.append(PathFlux(*label, *flux, int(paths[:, p, 0].sum())))
+            found.append(PathFlux(*label, *flux, int(paths[:, p, 0].sum()), *sharp[p]))
         return (*sorted(found[:-1], key=lambda path: -path.flux_w), found[-1])
 
     def staying(self, sums: np.ndarray, rays: np.ndarray) -> tuple[StayingFlux, ...]:

@@ -20,7 +20,8 @@ MARKS = ("", " (r)", " (s)")  # of events in names: reflected at a refractor, sc
 class PathFlux:
     """Light that takes one path to the detector. kind: one of KINDS, or "other" for all paths that are not kept apart.
 
-    standard_error_w: from the replicates, NaN with one. rays: that came this way.
+    standard_error_w: from the replicates, NaN with one. rays: that came this way. focus_mm, blur_mm: how sharp it is on
+    the detector, as sequence.path_focus says; NaN where that is unknown.
     """
 
     name: str
@@ -28,6 +29,8 @@ class PathFlux:
     flux_w: float
     standard_error_w: float
     rays: int
+    focus_mm: float = float("nan")
+    blur_mm: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -44,9 +47,10 @@ class PathLight(_Traced):
     """Result of a non-sequential trace.
 
     paths: by flux, the largest first; the last, "other", holds those that the pilot run had not found. staying: light
-    that does not reach the detector, absorbed at elements, escaped or given up; in steps of 2^-20 of a ray. images_w:
-    [replicates, KINDS, screen columns + rows, detector pixels] under single lines [W]. ends: rays by where they ended.
-    ledger: the same in the words of all estimators. The rest as in transport.Transport.
+    that does not reach the detector, absorbed at elements, escaped or given up; in steps of 2^-20 of a ray. launched_w:
+    flux that leaves the screen in all; paths and staying add up to it in the mean. images_w: [replicates, KINDS, screen
+    columns + rows, detector pixels] under single lines [W]. ends: rays by where they ended. ledger: the same in the
+    words of all estimators. The rest as in transport.Transport.
     """
 
     scene: Scene
@@ -54,6 +58,7 @@ class PathLight(_Traced):
     device: dict[str, object]
     paths: tuple[PathFlux, ...]
     staying: tuple[StayingFlux, ...]
+    launched_w: float
     images_w: np.ndarray = field(repr=False)
     rays: np.ndarray
     ends: dict[str, int]

@@ -16,7 +16,8 @@ DESCRIPTION = ("checked", "scatter", "element", "scene", "presets", "surface", "
                "pixellight")  # fmt: skip
 DEVICE = ("interface", "device", "program", "execution")
 TRACING = ("windows", "samplers", "options", "launches", "runner", "aiming", "packing", "transport", "analytic",
-           "parts", "reach", "partpacking", "paths", "nonsequential", "tracer", "probes", "precision")  # fmt: skip
+           "parts", "reach", "partpacking", "sequence", "paths", "nonsequential", "tracer", "probes",
+           "precision")  # fmt: skip
 IMAGING = ("images", "patterns", "detector")
 MEASURING = ("lightcurves", "centroids", "profiles", "phase", "slopes", "reconstruction", "refinement", "measures",
              "prediction")  # fmt: skip
