@@ -148,9 +148,8 @@ def _hexadecimal(words: np.ndarray) -> str:
 
 
 def _refusal(device: Device, what: str, expected: object, found: object) -> DeviceError:
-    return DeviceError(
-        f"{device.label}: computes wrongly: {what}: expected {expected}, found {found}; choose another with --device"
-    )
+    told = f"{what}: expected {expected!s}, found {found!s}"  # !s: a float's digits, not those of the double it becomes
+    return DeviceError(f"{device.label}: computes wrongly: {told}; choose another with --device")
 
 
 def _answers(device: Device, precision: str, width: int, numbers: np.ndarray, amounts: np.ndarray,
