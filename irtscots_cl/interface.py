@@ -185,13 +185,14 @@ def scatter_structs(real, groups: int, elements: int, targets: int) -> dict[str,
     Target: a disk, its centre from each group's origin and its axes in the world [mm]. Lobe, one per element: numbers
     of its kernels/scatter_*.cl; chance of a ray to part; of those, the share that the lobe draws; its shape, the
     density (1 + d^2 inverse_l2)^(power - 1) about centre times the specular direction; tis: total integrated scatter
-    by the root of the cosine of incidence, at equal steps from 0 to 1.
+    by the root of the cosine of incidence, at equal steps from 0 to 1; target: numbers of the targets aimed at.
     """
     target = np.dtype([("centre", real, (groups, 3)), ("axis_x", real, 3), ("axis_y", real, 3), ("axis_z", real, 3),
                        ("radius", real)], align=True)  # fmt: skip
     names = ("chance", "share", "inverse_l2", "power", "centre")
-    lobe = np.dtype([("numbers", real, 3), *((name, real) for name in names), ("tis", real, TIS_NODES)], align=True)
-    whole = [("targets", target, max(targets, 1)), ("lobes", lobe, max(elements, 1)), ("target_count", np.int32)]
+    fields = [("numbers", real, 3), *((name, real) for name in names), ("tis", real, TIS_NODES)]
+    lobe = np.dtype([*fields, ("target_count", np.int32), ("target", np.int32, max(targets, 1))], align=True)
+    whole = [("targets", target, max(targets, 1)), ("lobes", lobe, max(elements, 1))]
     return {"Target": target, "Lobe": lobe, "Scatter": np.dtype(whole, align=True)}
 
 

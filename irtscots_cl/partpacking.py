@@ -47,15 +47,16 @@ def pack_scatter(scene: Scene, parts: tuple[Part, ...], real, aimed: bool) -> tu
     targets = targets_of(scene) if aimed and scatters else ()
     structs = scatter_structs(real, len(origins), len(parts) if scatters else 0, len(targets))
     out = np.zeros((), structs["Scatter"])
-    out["target_count"] = len(targets)
-    for entry, (frame, radius_mm) in zip(out["targets"], targets, strict=False):
-        entry["centre"] = frame.position_mm - origins
-        entry["axis_x"], entry["axis_y"], entry["axis_z"] = frame.axes
-        entry["radius"] = radius_mm
+    for entry, target in zip(out["targets"], targets, strict=False):
+        entry["centre"] = target.frame.position_mm - origins
+        entry["axis_x"], entry["axis_y"], entry["axis_z"] = target.frame.axes
+        entry["radius"] = target.radius_mm
     for entry, part in zip(out["lobes"], parts, strict=False):
         if part.scatter is not None:
             _pack_lobe(entry, part.scatter)
-            entry["share"] = LOBE_SHARE if targets else 1.0
+            others = [k for k, target in enumerate(targets) if target.name != part.name]
+            entry["share"], entry["target_count"] = LOBE_SHARE if others else 1.0, len(others)
+            entry["target"][: len(others)] = others
     return out, structs
 
 

@@ -114,18 +114,27 @@ def _kind(element: Element) -> str:
     return element.kind
 
 
-def targets_of(scene: Scene) -> tuple[tuple[Frame, float], ...]:
-    """Disks, frame and radius [mm], that scattered rays are aimed at beside what their lobe says: where light that
-    counts goes. The camera's aperture; where not only the mirror scatters, the detector and the mirror; important
-    elements.
+@dataclass(frozen=True)
+class Target:
+    """A disk about a frame's origin, in its plane z = 0."""
+
+    name: str
+    frame: Frame
+    radius_mm: float
+
+
+def targets_of(scene: Scene) -> tuple[Target, ...]:
+    """Disks that scattered rays are aimed at beside what their lobe says: where light that counts goes.
+
+    The camera's aperture; where not only the mirror scatters, the detector and the mirror; important elements.
     """
     parts = {part.name: part for part in parts_of(scene)}
     camera = scene.camera
-    found = [(Frame.looking(camera.position_mm, camera.look_at_mm), camera.aperture_diameter_mm / 2)]
+    aperture = Target("stop", Frame.looking(camera.position_mm, camera.look_at_mm), camera.aperture_diameter_mm / 2)
     names = [element.name for element in scene.element if element.important]
     if any(element.scatter is not None for element in scene.element):
         names = ["detector", "mirror", *names]
-    return (*found, *((parts[name].frame, parts[name].rim_mm) for name in names))
+    return (aperture, *(Target(name, parts[name].frame, parts[name].rim_mm) for name in names))
 
 
 def groups_of(scene: Scene, parts: tuple[Part, ...]) -> tuple[np.ndarray, np.ndarray]:

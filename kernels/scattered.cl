@@ -64,17 +64,18 @@ INLINE real target_density(__constant Target *target, const Scattering *ray, vec
 // Direction, and its density per solid angle in `density`; zero where there is none.
 INLINE Leaving draw_direction(__constant Scatter *scatter, __constant Lobe *lobe, const Scattering *ray, real way, real a,
                               real b, real *density) {
-    const int count = scatter->target_count;
+    const int count = lobe->target_count;
     const real share = (1 - lobe->share) / max(count, 1);   // of a target
     const int chosen = way < lobe->share ? -1 : min((int)((way - lobe->share) / share), count - 1);
-    const Leaving leaving = chosen < 0 ? from_lobe(lobe, ray, a, b) : to_target(&scatter->targets[chosen], ray, a, b);
+    const Leaving leaving = chosen < 0 ? from_lobe(lobe, ray, a, b)
+                                       : to_target(&scatter->targets[lobe->target[chosen]], ray, a, b);
     const real cosine = dots(leaving.along, ray->normal);
     *density = 0;
     if (!(cosine > 0)) return leaving;
     const vec3s zero = {0, 0, 0}, off = adds(leaving.beta, -lobe->centre, ray->beta0);
     *density = lobe->share * lobe_density(lobe, dots(off, off), 1 + lobe->centre * ray->sine) * cosine;
     for (int k = 0; k < count; ++k)
-        *density += share * target_density(&scatter->targets[k], ray, leaving.along, k == chosen);
+        *density += share * target_density(&scatter->targets[lobe->target[k]], ray, leaving.along, k == chosen);
     return leaving;
 }
 
