@@ -49,8 +49,8 @@ def simulate(
     """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
 
     measure: a name of measures.MEASURES. parts: also separate the height error into its parts. trace_options:
-    estimator, sampler, precision, rays_per_pixel, replicates, seed, aim, overfill, smoothing of `trace`. Raises as
-    `trace` and `measure_by` do.
+    estimator, sampler, precision, rays_per_pixel, replicates, seed, aim, overfill, smoothing, keeper of `trace`. Raises
+    as `trace` and `measure_by` do.
     """
     started = time.perf_counter()
     transport = trace(scene, device=device, progress=progress, **trace_options)

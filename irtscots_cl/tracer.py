@@ -10,6 +10,7 @@ import numpy as np
 from irtscots_cl.aiming import emitters
 from irtscots_cl.analytic import trace_analytic
 from irtscots_cl.calibration import Calibration, calibrate, check_visible
+from irtscots_cl.checkpoint import Keeper, KeptTrace, hash_of, trace_facts
 from irtscots_cl.device import Device, select_device
 from irtscots_cl.execution import LocalMemory, Workspace
 from irtscots_cl.interface import WEIGHT_ONE, Fate
@@ -45,6 +46,7 @@ def trace(
     smoothing: bool = False,
     progress: Callable[[int, int], None] | None = None,
     launch_rays: int | None = None,
+    keeper: Keeper | None = None,
 ) -> Transport | LineLight | PathLight:
     """Trace rays_per_pixel rays per screen pixel (forward) or per detector pixel (adjoint).
 
@@ -53,15 +55,17 @@ def trace(
     device: as select_device gives it; None selects one. replicates: independent parts of the rays, for error bars.
     estimator, sampler, precision, seed, aim, overfill, smoothing: see TraceOptions. progress(done, total) is called
     after each launch with ray numbers. launch_rays: rays per launch, instead of timing; no result depends on it. Same
-    seed and device, same bits.
+    seed and device, same bits. keeper: saves the sums now and then, and goes on from what it has; an interrupted trace
+    that goes on gives the bits of one that was not.
 
     Raises ValueError for an argument out of range, SceneError if no pixel sees the screen, DeviceError if the device
-    cannot do it.
+    cannot do it, checkpoint.Interrupted if the keeper ends it.
     """
     options = TraceOptions(estimator, sampler, precision, seed, aim, overfill, smoothing)
     if estimator == NONSEQUENTIAL:
         return trace_paths(scene, device=device, sampler=sampler, precision=precision, rays_per_pixel=rays_per_pixel,
-                           replicates=replicates, seed=seed, overfill=overfill, progress=progress)  # fmt: skip
+                           replicates=replicates, seed=seed, overfill=overfill, progress=progress,
+                           keeper=keeper)  # fmt: skip
     check_sequential(scene, estimator)
     if estimator == ANALYTIC:
         return trace_analytic(scene)
@@ -71,27 +75,31 @@ def trace(
             f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 for each replicate"
         )
     device = device if device is not None else select_device()
-    return _trace_rays(scene, device, options, rays, progress, launch_rays)
+    kept = None if keeper is None else keeper.file_of(trace_facts(scene, options, rays, device))
+    return _trace_rays(scene, device, options, rays, progress, launch_rays, kept)
 
 
-def _trace_rays(scene: Scene, device: Device, options: TraceOptions, rays: np.ndarray, progress, launch_rays):
+def _trace_rays(scene: Scene, device: Device, options: TraceOptions, rays: np.ndarray, progress, launch_rays, kept):
     """The forward or the adjoint estimator, with windows as wide as it takes."""
     started = time.perf_counter()
     calibration = calibrate(scene)
     check_visible(calibration, f"scene {scene.name}")
-    margin = 1
+    margin = 1 if kept is None else kept.margin()
     while True:
         tracer = Tracer(calibration, device, options, margin, rays=int(rays.max()))
         built = time.perf_counter()
-        counts, fates = tracer.run(rays, progress, launch_rays)
+        counts, fates = tracer.run(rays, progress, launch_rays, kept)
         if fates[Fate.OFF_WINDOW] == 0:
             break
+        if kept is not None:
+            kept.discard()
         margin *= 2  # light fell beside a window: wider ones, from the start
         if margin > MAX_MARGIN:
             raise RuntimeError(f"{fates[Fate.OFF_WINDOW]} rays land where no chief ray says that light can come")
     traced = time.perf_counter()
     ledger = ledger_from(fates, int(rays.sum()) * tracer.streams)
     seconds = {"build": built - started, "trace": traced - built, "kernels": tracer.kernel_seconds}
+    seconds |= {name: seconds[name] + before for name, before in (kept.seconds if kept is not None else {}).items()}
     windows, facts = tracer.windows, device.describe()
     if options.smoothing:
         flux = line_flux(counts, windows, tracer.unit_w[:, 0], rays)
@@ -159,6 +167,11 @@ class Tracer:
         lookup = [work.upload(array) for array in self._lookup()]
         self._before = [work.upload(packed.scene)]
         tile = tile if accumulate == "tile" else LocalMemory(8)
+        self.facts = {
+            "margin": margin,
+            "code": hash_of(self.source.text.encode(), *(option.encode() for option in self.source.options)),
+            "inputs": hash_of(packed.scene, sources, *self._lookup()),
+        }
         self._after = [work.upload(sources), *lookup, self._counts, self._ledger, tile]
         self.launch(0, (0, 1, 0, 0))  # no rays: some drivers compile at the first launch
 
@@ -192,12 +205,14 @@ class Tracer:
         slots[self.windows.pixels] = np.arange(len(self.windows.pixels))
         return [slots, self.windows.origins]
 
-    def run(self, rays: np.ndarray, progress=None, launch_rays: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def run(
+        self, rays: np.ndarray, progress=None, launch_rays: int | None = None, kept: KeptTrace | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Trace rays [replicates] rays per stream: counts [replicates, n, window rows, window columns], rays [Fate].
 
         With smoothing, counts are second differences (see kernels/trace_lines.cl).
         """
-        counts, fates = run_rays(self, rays, progress, launch_rays)
+        counts, fates = run_rays(self, rays, progress, launch_rays, kept)
         fates = fates.sum(0)
         if self.options.estimator == "adjoint":  # its windows hold weights, so the kernel counts only the others
             fates[Fate.DETECTED] = int(rays.sum()) * self.streams - int(fates.sum())

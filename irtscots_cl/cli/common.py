@@ -16,7 +16,12 @@ DEVICE_HELP = (
 )
 EXIT_BAD_INPUT = 2
 EXIT_NO_DEVICE = 3
+EXIT_STOPPED = 4  # and can be gone on with
 EXIT_INTERRUPTED = 130  # as a shell reports Ctrl-C
+
+
+class StoppedError(Exception):
+    """A command ended early, and --resume goes on with it; the message is one line."""
 
 
 def fail(message: object, code: int) -> int:
