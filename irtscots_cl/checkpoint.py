@@ -290,7 +290,7 @@ def _differences(kept: dict, here: Facts) -> str:
     for name in names:
         values = (f"{kept.get(name, 'none')}"[:60], f"{here.get(name, 'none')}"[:60])
         told = name not in HASHED and all(value.isprintable() for value in values)
-        words.append(f"{name[:60]!a} = {values[0]}, here {values[1]}" if told else f"another {name[:60]!a}")
+        words.append(f"{name[:60]!a} = {values[0]}, here {values[1]}" if told else f"other {name[:60]!a}")
     return "; ".join(words[:5]).replace("'", "")
 
 

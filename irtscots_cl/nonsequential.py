@@ -52,6 +52,7 @@ def trace_paths(
     least_chance: float = LEAST_CHANCE,
     progress: Callable[[int, int], None] | None = None,
     keeper: Keeper | None = None,
+    finished: Callable[[PathLight], None] | None = None,
 ) -> PathLight:
     """Trace rays_per_pixel rays per screen pixel, aimed at the mirror, from element to element to their ends.
 
@@ -79,14 +80,22 @@ def trace_paths(
     if keeper is not None:
         more = {"bounce_limit": bounce_limit, "least_chance": least_chance}
         file = keeper.file_of(trace_facts(scene, options, rays, device, **more))
-    images, sums = tracer.run(rays, kept, progress, file)
-    traced = time.perf_counter()
-    seconds = {"build": built - started, "trace": traced - built, "kernels": tracer.kernel_seconds}
-    seconds |= {name: seconds[name] + before for name, before in (file.seconds if file is not None else {}).items()}
-    ends = tracer.ends(sums, int(rays.sum()) * tracer.streams)
-    images_w = images * (tracer.unit_w / kept.of_kind)[None, :, None, None] / rays[:, None, None, None]
-    return PathLight(scene, options, device.describe(), tracer.fluxes(sums, kept, rays), images_w, rays, ends,
-                     _ledger(ends), seconds)  # fmt: skip
+
+    def light(images: np.ndarray, sums: np.ndarray, seconds: dict[str, float]) -> PathLight:
+        of = rays[: len(sums)]
+        ends = tracer.ends(sums, int(of.sum()) * tracer.streams)
+        images_w = images * (tracer.unit_w / kept.of_kind)[None, :, None, None] / of[:, None, None, None]
+        return PathLight(scene, options, device.describe(), tracer.fluxes(sums, kept, of), images_w, of, ends,
+                         _ledger(ends), seconds)  # fmt: skip
+
+    def so_far(sums: tuple[np.ndarray, ...]) -> None:
+        finished(light(*sums, {"build": built - started, "trace": 0.0, "kernels": 0.0}))
+
+    sums = tracer.run(rays, kept, progress, file, None if finished is None else so_far)
+    before = {"trace": 0.0, "kernels": 0.0} if file is None else file.seconds
+    seconds = {"build": built - started, "trace": time.perf_counter() - built + before["trace"],
+               "kernels": tracer.kernel_seconds + before["kernels"]}  # fmt: skip
+    return light(*sums, seconds)
 
 
 @dataclass(frozen=True)
@@ -178,11 +187,11 @@ class PathTracer:
         return Kept(tuple(int(codes[k]) for k in best), tuple(float(largest[k]) for k in best))
 
     def run(
-        self, rays: np.ndarray, kept: Kept, progress=None, file: KeptTrace | None = None
+        self, rays: np.ndarray, kept: Kept, progress=None, file: KeptTrace | None = None, finished=None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Images [replicates, kinds, lines, pixels] and sums [replicates, ends + elements + 2 paths]: whole numbers."""
         self._keep(kept, 0)
-        return run_rays(self, rays, progress, kept=file)
+        return run_rays(self, rays, progress, kept=file, finished=finished)
 
     def clear(self) -> None:
         for buffer in (self._images, self._sums):

@@ -15,10 +15,10 @@ from irtscots_cl.cli.common import (
     command,
     print_json,
     print_tables,
-    progress_bar,
     visible_scene,
 )
 from irtscots_cl.cli.keeping import add_resume, keeping
+from irtscots_cl.cli.progress import Progress, add_quiet
 
 # Defaults of what a target chooses itself.
 RAYS = {"rays_per_pixel": 16384, "replicates": 8, "aim": "mirror", "overfill": 1.0}
@@ -62,6 +62,7 @@ def add(commands) -> None:
         "measure that get there, except what is given here too",
     )
     add_resume(parser)
+    add_quiet(parser)
     parser.add_argument(
         "--max-seconds",
         type=float,
@@ -154,16 +155,16 @@ def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
     """Run as the options say."""
     from irtscots_cl.device import select_device
     from irtscots_cl.options import ANALYTIC
-    from irtscots_cl.pipeline import simulate
+    from irtscots_cl.pipeline import outlook, simulate
     from irtscots_cl.precision import check_precision_of_scene
 
     wanted, device = DEFAULTS | RAYS | given, None
     if wanted["estimator"] != ANALYTIC:
         device = select_device(options.device)
         check_precision_of_scene(scene, device, wanted["precision"], options.scene)
-    with progress_bar() as progress:
-        return simulate(scene, device=device, progress=progress, seed=options.seed, parts=options.parts,
-                        keeper=keeper, **wanted)  # fmt: skip
+    with Progress(quiet=options.quiet, estimate=lambda traced: outlook(traced, wanted["measure"])) as progress:
+        return simulate(scene, device=device, progress=progress, finished=progress.finished, seed=options.seed,
+                        parts=options.parts, keeper=keeper, **wanted)  # fmt: skip
 
 
 def _reach(scene, options: argparse.Namespace, given: dict):
@@ -172,6 +173,6 @@ def _reach(scene, options: argparse.Namespace, given: dict):
     from irtscots_cl.targets import reach
 
     device = select_device(options.device)
-    with progress_bar() as progress:
+    with Progress(quiet=options.quiet) as progress:
         return reach(scene, options.target_nm, device=device, seed=options.seed, parts=options.parts,
                      progress=progress, **given)  # fmt: skip
