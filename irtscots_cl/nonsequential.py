@@ -10,6 +10,7 @@ import numpy as np
 
 from irtscots_cl.aiming import emitters
 from irtscots_cl.calibration import calibrate, check_visible
+from irtscots_cl.checkpoint import Keeper, KeptTrace, hash_of, trace_facts
 from irtscots_cl.device import Device, select_device
 from irtscots_cl.execution import Workspace
 from irtscots_cl.interface import PATH, PRECISIONS
@@ -53,6 +54,8 @@ def trace_paths(
     branches: str = "roulette",
     aimed_scatter: bool = True,
     progress: Callable[[int, int], None] | None = None,
+    keeper: Keeper | None = None,
+    finished: Callable[[PathLight], None] | None = None,
 ) -> PathLight:
     """Trace rays_per_pixel rays per screen pixel, aimed at the mirror, from element to element to their ends.
 
@@ -80,13 +83,27 @@ def trace_paths(
             f"{max(PILOT_RAYS // tracer.streams, 16) * tracer.streams} rays that look for paths"
         )
     built = time.perf_counter()
-    images, sums = tracer.run(rays, kept, progress)
-    traced = time.perf_counter()
-    seconds = {"build": built - started, "trace": traced - built, "kernels": tracer.kernel_seconds}
-    ends = tracer.ends(sums, int(rays.sum()) * tracer.streams)
-    images_w = images * (tracer.unit_w / kept.of_kind)[None, :, None, None] / rays[:, None, None, None]
-    return PathLight(scene, options, device.describe(), tracer.fluxes(sums, kept, rays), tracer.staying(sums, rays),
-                     tracer.launched_w, images_w, rays, ends, _ledger(ends), seconds)  # fmt: skip
+    file = None
+    if keeper is not None:
+        more = {"bounce_limit": bounce_limit, "least_chance": least_chance, "branches": branches,
+                "aimed_scatter": aimed_scatter}  # fmt: skip
+        file = keeper.file_of(trace_facts(scene, options, rays, device, **more))
+
+    def light(images: np.ndarray, sums: np.ndarray, seconds: dict[str, float]) -> PathLight:
+        of = rays[: len(sums)]
+        ends = tracer.ends(sums, int(of.sum()) * tracer.streams)
+        images_w = images * (tracer.unit_w / kept.of_kind)[None, :, None, None] / of[:, None, None, None]
+        return PathLight(scene, options, device.describe(), tracer.fluxes(sums, kept, of), tracer.staying(sums, of),
+                         tracer.launched_w, images_w, of, ends, _ledger(ends), seconds)  # fmt: skip
+
+    def so_far(sums: tuple[np.ndarray, ...]) -> None:
+        finished(light(*sums, {"build": built - started, "trace": 0.0, "kernels": 0.0}))
+
+    sums = tracer.run(rays, kept, progress, file, None if finished is None else so_far)
+    before = {"trace": 0.0, "kernels": 0.0} if file is None else file.seconds
+    seconds = {"build": built - started, "trace": time.perf_counter() - built + before["trace"],
+               "kernels": tracer.kernel_seconds + before["kernels"]}  # fmt: skip
+    return light(*sums, seconds)
 
 
 @dataclass(frozen=True)
@@ -154,6 +171,10 @@ class PathTracer:
         if size > MAX_IMAGE_BYTES:
             raise ValueError(f"scene {scene.name}: images of {self._image_shape[1]} lines with {self._image_shape[2]} "
                              f"pixels take {size} bytes; must be at most {MAX_IMAGE_BYTES}")  # fmt: skip
+        self._facts = {
+            "code": hash_of(self.source.text.encode(), *(option.encode() for option in self.source.options)),
+            "inputs": hash_of(packed.scene, sources, elements, scatter, self._job),
+        }
         self._workspace = work = Workspace(device, self.source, "trace_paths")
         self._before = [work.upload(array) for array in (packed.scene, sources, elements, scatter)]
         self._sums, self._images = work.empty(8 * self._sums_shape[0]), work.empty(size)
@@ -171,16 +192,20 @@ class PathTracer:
         self._workspace.download(self._found, found)
         low, high, bits = found[1:].reshape(-1, 3)[: min(int(found[0]), FOUND_SIZE)].T
         weights = bits.copy().view(np.float32).astype(float)
+        order = np.lexsort((bits, low, high))  # rays are found in any order; sums in floating point depend on it
+        low, high, weights = low[order], high[order], weights[order]
         codes, index = np.unique(high.astype(np.uint64) << np.uint64(32) | low.astype(np.uint64), return_inverse=True)
         largest, power = np.zeros(len(codes)), np.bincount(index, weights, len(codes))
         np.maximum.at(largest, index, weights)
         best = [k for k in np.argsort(-power, kind="stable")[: KEPT_PATHS - 1] if largest[k] > 0]
         return Kept(tuple(int(codes[k]) for k in best), tuple(float(largest[k]) for k in best))
 
-    def run(self, rays: np.ndarray, kept: Kept, progress=None) -> tuple[np.ndarray, np.ndarray]:
+    def run(
+        self, rays: np.ndarray, kept: Kept, progress=None, file: KeptTrace | None = None, finished=None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Images [replicates, kinds, lines, pixels] and sums [replicates, ends + elements + 2 paths]: whole numbers."""
         self._keep(kept, 0)
-        return run_rays(self, rays, progress)
+        return run_rays(self, rays, progress, kept=file, finished=finished)
 
     def clear(self) -> None:
         for buffer in (self._images, self._sums):
@@ -246,6 +271,7 @@ class PathTracer:
         """What the next launches tell apart; with found_size above 0 they list what is detected instead."""
         table = kept.table()
         self._paths = self._workspace.upload(table)
+        self.facts = self._facts | {"paths": hash_of(table)}
         self._job["path_count"], self._job["found_size"] = len(table), found_size
 
     def launch(self, replicate: int, part: tuple[int, int, int, int]) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from irtscots_cl.aiming import emitters
 from irtscots_cl.analytic import trace_analytic
 from irtscots_cl.calibration import Calibration, calibrate, check_visible
+from irtscots_cl.checkpoint import Keeper, KeptTrace, hash_of, trace_facts
 from irtscots_cl.device import Device, select_device
 from irtscots_cl.execution import LocalMemory, Workspace
 from irtscots_cl.interface import WEIGHT_ONE, Fate
@@ -45,6 +47,8 @@ def trace(
     smoothing: bool = False,
     progress: Callable[[int, int], None] | None = None,
     launch_rays: int | None = None,
+    keeper: Keeper | None = None,
+    finished: Callable[[Transport | LineLight | PathLight], None] | None = None,
 ) -> Transport | LineLight | PathLight:
     """Trace rays_per_pixel rays per screen pixel (forward) or per detector pixel (adjoint).
 
@@ -53,15 +57,18 @@ def trace(
     device: as select_device gives it; None selects one. replicates: independent parts of the rays, for error bars.
     estimator, sampler, precision, seed, aim, overfill, smoothing: see TraceOptions. progress(done, total) is called
     after each launch with ray numbers. launch_rays: rays per launch, instead of timing; no result depends on it. Same
-    seed and device, same bits.
+    seed and device, same bits. keeper: saves the sums now and then, and goes on from what it has; an interrupted trace
+    that goes on gives the bits of one that was not. finished: called with the trace so far when a replicate is complete
+    and others are to come.
 
     Raises ValueError for an argument out of range, SceneError if no pixel sees the screen, DeviceError if the device
-    cannot do it.
+    cannot do it, checkpoint.Interrupted if the keeper ends it.
     """
     options = TraceOptions(estimator, sampler, precision, seed, aim, overfill, smoothing)
     if estimator == NONSEQUENTIAL:
         return trace_paths(scene, device=device, sampler=sampler, precision=precision, rays_per_pixel=rays_per_pixel,
-                           replicates=replicates, seed=seed, overfill=overfill, progress=progress)  # fmt: skip
+                           replicates=replicates, seed=seed, overfill=overfill, progress=progress,
+                           keeper=keeper, finished=finished)  # fmt: skip
     check_sequential(scene, estimator)
     if estimator == ANALYTIC:
         return trace_analytic(scene)
@@ -71,32 +78,41 @@ def trace(
             f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 for each replicate"
         )
     device = device if device is not None else select_device()
-    return _trace_rays(scene, device, options, rays, progress, launch_rays)
+    kept = None if keeper is None else keeper.file_of(trace_facts(scene, options, rays, device))
+    return _trace_rays(scene, device, options, rays, progress, launch_rays, kept, finished)
 
 
-def _trace_rays(scene: Scene, device: Device, options: TraceOptions, rays: np.ndarray, progress, launch_rays):
+def _trace_rays(
+    scene: Scene, device: Device, options: TraceOptions, rays: np.ndarray, progress, launch_rays, kept, finished
+) -> Transport | LineLight:
     """The forward or the adjoint estimator, with windows as wide as it takes."""
     started = time.perf_counter()
     calibration = calibrate(scene)
     check_visible(calibration, f"scene {scene.name}")
-    margin = 1
+    margin = 1 if kept is None else kept.margin()
     while True:
         tracer = Tracer(calibration, device, options, margin, rays=int(rays.max()))
         built = time.perf_counter()
-        counts, fates = tracer.run(rays, progress, launch_rays)
+        seconds = {"build": built - started, "trace": 0.0, "kernels": 0.0}
+        so_far = None if finished is None else partial(_pass_on, finished, tracer, rays, seconds)
+        counts, fates = tracer.run(rays, progress, launch_rays, kept, so_far)
         if fates[Fate.OFF_WINDOW] == 0:
             break
+        if kept is not None:
+            kept.discard()
         margin *= 2  # light fell beside a window: wider ones, from the start
         if margin > MAX_MARGIN:
             raise RuntimeError(f"{fates[Fate.OFF_WINDOW]} rays land where no chief ray says that light can come")
-    traced = time.perf_counter()
-    ledger = ledger_from(fates, int(rays.sum()) * tracer.streams)
-    seconds = {"build": built - started, "trace": traced - built, "kernels": tracer.kernel_seconds}
-    windows, facts = tracer.windows, device.describe()
-    if options.smoothing:
-        flux = line_flux(counts, windows, tracer.unit_w[:, 0], rays)
-        return LineLight(scene, options, facts, windows, flux, rays, ledger, seconds)
-    return Transport(scene, options, facts, windows, counts, tracer.unit_w, rays, ledger, seconds)
+    before = {"trace": 0.0, "kernels": 0.0} if kept is None else kept.seconds
+    seconds["trace"] = time.perf_counter() - built + before["trace"]
+    seconds["kernels"] = tracer.kernel_seconds + before["kernels"]
+    return tracer.result(counts, fates, rays, seconds)
+
+
+def _pass_on(finished, tracer: Tracer, rays: np.ndarray, seconds: dict, counts: np.ndarray, fates: np.ndarray) -> None:
+    """Give `finished` the trace so far, unless it is one that begins again."""
+    if fates[Fate.OFF_WINDOW] == 0:
+        finished(tracer.result(counts, fates, rays[: len(counts)], seconds))
 
 
 def check_sequential(scene: Scene, estimator: str) -> None:
@@ -159,6 +175,11 @@ class Tracer:
         lookup = [work.upload(array) for array in self._lookup()]
         self._before = [work.upload(packed.scene)]
         tile = tile if accumulate == "tile" else LocalMemory(8)
+        self.facts = {
+            "margin": margin,
+            "code": hash_of(self.source.text.encode(), *(option.encode() for option in self.source.options)),
+            "inputs": hash_of(packed.scene, sources, *self._lookup()),
+        }
         self._after = [work.upload(sources), *lookup, self._counts, self._ledger, tile]
         self.launch(0, (0, 1, 0, 0))  # no rays: some drivers compile at the first launch
 
@@ -192,16 +213,42 @@ class Tracer:
         slots[self.windows.pixels] = np.arange(len(self.windows.pixels))
         return [slots, self.windows.origins]
 
-    def run(self, rays: np.ndarray, progress=None, launch_rays: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def run(
+        self,
+        rays: np.ndarray,
+        progress=None,
+        launch_rays: int | None = None,
+        kept: KeptTrace | None = None,
+        finished: Callable[[np.ndarray, np.ndarray], None] | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Trace rays [replicates] rays per stream: counts [replicates, n, window rows, window columns], rays [Fate].
 
-        With smoothing, counts are second differences (see kernels/trace_lines.cl).
+        With smoothing, counts are second differences (see kernels/trace_lines.cl). finished(counts, rays by fate): of
+        the replicates so far. The rest as in runner.run_rays.
         """
-        counts, fates = run_rays(self, rays, progress, launch_rays)
-        fates = fates.sum(0)
+
+        def so_far(sums: tuple[np.ndarray, ...]) -> None:
+            finished(*self._totals(sums, rays[: len(sums[0])]))
+
+        sums = run_rays(self, rays, progress, launch_rays, kept, None if finished is None else so_far)
+        return self._totals(sums, rays)
+
+    def _totals(self, sums: tuple[np.ndarray, ...], rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Counts, and the fates of all replicates together."""
+        counts, fates = sums[0], sums[1].sum(0)
         if self.options.estimator == "adjoint":  # its windows hold weights, so the kernel counts only the others
             fates[Fate.DETECTED] = int(rays.sum()) * self.streams - int(fates.sum())
         return counts, fates
+
+    def result(
+        self, counts: np.ndarray, fates: np.ndarray, rays: np.ndarray, seconds: dict[str, float]
+    ) -> Transport | LineLight:
+        """The trace of rays [replicates] per stream, from what `run` gives of them."""
+        ledger, facts = ledger_from(fates, int(rays.sum()) * self.streams), self._workspace.device.describe()
+        if self.options.smoothing:
+            flux = line_flux(counts, self.windows, self.unit_w[:, 0], rays)
+            return LineLight(self.scene, self.options, facts, self.windows, flux, rays, ledger, seconds)
+        return Transport(self.scene, self.options, facts, self.windows, counts, self.unit_w, rays, ledger, seconds)
 
     def clear(self) -> None:
         for buffer in (self._counts, self._ledger):

@@ -16,7 +16,12 @@ DEVICE_HELP = (
 )
 EXIT_BAD_INPUT = 2
 EXIT_NO_DEVICE = 3
+EXIT_STOPPED = 4  # and can be gone on with
 EXIT_INTERRUPTED = 130  # as a shell reports Ctrl-C
+
+
+class StoppedError(Exception):
+    """A command ended early, and --resume goes on with it; the message is one line."""
 
 
 def fail(message: object, code: int) -> int:
@@ -86,26 +91,6 @@ def add_measure(parser: argparse.ArgumentParser) -> None:
         help="how images become heights: paper (plain centroids, trapezoids), fine (light-curve model, cubics, no "
         "averaging over pixels) or refined (fine, then refined by a model of the test); default paper",
     )
-
-
-class progress_bar:  # noqa: N801  used as a function: `with progress_bar() as report:`
-    """A bar on stderr while something long is done, where stderr is a terminal."""
-
-    def __init__(self, doing: str = "tracing"):
-        self._doing = doing
-
-    def __enter__(self) -> Callable[[int, int], None]:
-        from rich.console import Console
-        from rich.progress import Progress
-
-        console = Console(stderr=True)
-        self._bar = Progress(console=console, transient=True, disable=not console.is_terminal)
-        self._bar.start()
-        task = self._bar.add_task(self._doing, total=None)
-        return lambda done, total: self._bar.update(task, completed=done, total=total)
-
-    def __exit__(self, *_) -> None:
-        self._bar.stop()
 
 
 def print_tables(tables) -> None:

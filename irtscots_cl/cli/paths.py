@@ -10,9 +10,9 @@ from irtscots_cl.cli.common import (
     command,
     print_json,
     print_tables,
-    progress_bar,
     visible_scene,
 )
+from irtscots_cl.cli.progress import Progress, add_quiet
 
 
 def add(commands) -> None:
@@ -55,6 +55,7 @@ def add(commands) -> None:
         "weighs a thousandth of a ray); default roulette",
     )
     parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
+    add_quiet(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:
@@ -64,7 +65,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.report import path_facts, path_tables
     from irtscots_cl.straylight import stray_light
 
-    with progress_bar() as progress:
+    with Progress(quiet=options.quiet) as progress:
         light = trace_paths(
             scene,
             device=select_device(options.device),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
 from irtscots_cl.cli.common import (
@@ -14,9 +15,10 @@ from irtscots_cl.cli.common import (
     command,
     print_json,
     print_tables,
-    progress_bar,
     visible_scene,
 )
+from irtscots_cl.cli.keeping import add_resume, keeping
+from irtscots_cl.cli.progress import Progress, add_quiet
 
 # Defaults of what a target chooses itself.
 RAYS = {"rays_per_pixel": 16384, "replicates": 8, "aim": "mirror", "overfill": 1.0}
@@ -59,6 +61,14 @@ def add(commands) -> None:
         help="height error to reach, piston and tilt removed: small pilot runs choose the cheapest rays, precision and "
         "measure that get there, except what is given here too",
     )
+    add_resume(parser)
+    add_quiet(parser)
+    parser.add_argument(
+        "--max-seconds",
+        type=float,
+        metavar="S",
+        help="stop after so many seconds of tracing, with exit code 4; --resume goes on",
+    )
     parser.add_argument(
         "--aim",
         metavar="A",
@@ -84,8 +94,14 @@ def _execute(options: argparse.Namespace) -> int:
     check_output_folder(folder)
     from irtscots_cl.pipeline import write_run
 
-    run = _simulate(scene, options, given) if options.target_nm is None else _reach(scene, options, given)
-    write_run(run, folder)
+    seconds = math.inf if options.max_seconds is None else options.max_seconds
+    with keeping(folder, "checkpoint", options.resume, max_seconds=seconds) as keeper:
+        if options.target_nm is None:
+            run = _simulate(scene, options, given, keeper)
+        else:
+            run = _reach(scene, options, given)
+        write_run(run, folder)
+        keeper.remove()
     if options.json:
         from irtscots_cl.files import plain
 
@@ -108,7 +124,12 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
     TraceOptions(**{name: wanted[name] for name in names}, seed=options.seed)
     check_measure(wanted["measure"])
     share_rays(wanted["rays_per_pixel"], wanted["replicates"])
+    if options.max_seconds is not None and not 0 < options.max_seconds < math.inf:
+        raise ValueError(f"--max-seconds = {options.max_seconds}: must be above 0 and finite")
     if options.target_nm is not None:
+        for name in ("resume", "max-seconds"):
+            if getattr(options, name.replace("-", "_")):
+                raise ValueError(f"--{name}: must be left out with --target-nm, which chooses the rays anew each time")
         for name in choices(options, RAYS):
             raise ValueError(f"--{name.replace('_', '-')}: --target-nm chooses it; must not be given too")
         from irtscots_cl.targets import check_target
@@ -130,19 +151,20 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
         raise ValueError(f"--parts: must be left out: scene {scene.name} is more than a mirror and a paraxial camera")
 
 
-def _simulate(scene, options: argparse.Namespace, given: dict):
+def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
     """Run as the options say."""
     from irtscots_cl.device import select_device
     from irtscots_cl.options import ANALYTIC
-    from irtscots_cl.pipeline import simulate
+    from irtscots_cl.pipeline import outlook, simulate
     from irtscots_cl.precision import check_precision_of_scene
 
     wanted, device = DEFAULTS | RAYS | given, None
     if wanted["estimator"] != ANALYTIC:
         device = select_device(options.device)
         check_precision_of_scene(scene, device, wanted["precision"], options.scene)
-    with progress_bar() as progress:
-        return simulate(scene, device=device, progress=progress, seed=options.seed, parts=options.parts, **wanted)
+    with Progress(quiet=options.quiet, estimate=lambda traced: outlook(traced, wanted["measure"])) as progress:
+        return simulate(scene, device=device, progress=progress, finished=progress.finished, seed=options.seed,
+                        parts=options.parts, keeper=keeper, **wanted)  # fmt: skip
 
 
 def _reach(scene, options: argparse.Namespace, given: dict):
@@ -151,6 +173,6 @@ def _reach(scene, options: argparse.Namespace, given: dict):
     from irtscots_cl.targets import reach
 
     device = select_device(options.device)
-    with progress_bar() as progress:
+    with Progress(quiet=options.quiet) as progress:
         return reach(scene, options.target_nm, device=device, seed=options.seed, parts=options.parts,
                      progress=progress, **given)  # fmt: skip

@@ -66,7 +66,7 @@ def _traced(lab: Lab, lobe: Harvey) -> PathLight:
     scene = replace(scene, mirror=replace(scene.mirror, scatter=lobe))
     rays = QUICK_RAYS if lab.quick else RAYS
     return trace_paths(scene, device=lab.device, rays_per_pixel=rays, replicates=REPLICATES, seed=SEED,
-                       progress=lab.progress)  # fmt: skip
+                       progress=lab.progress, keeper=lab.keeper)  # fmt: skip
 
 
 def _line_solid_angle(scene: Scene) -> float:
