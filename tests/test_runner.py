@@ -56,7 +56,7 @@ def test_a_plan_goes_on_from_any_launch_with_launches_of_another_size(rays, size
     "place",
     [(-1, 0, 0, 0), (4, 0, 0, 0), (3, 4, 0, 0), (0, 3, 0, 0), (0, -4, 0, 0), (0, 16, 0, 0), (0, 0, 4, 0), (0, 0, 4, 5),
      (0, 0, 4, -1), (0, 0, 0, 1), (0, 0, 3, 1), (0, 12, 4, 1), (0, 0, -4, 1), (0.0, 0, 0, 0), (True, 0, 0, 0),
-     (2, 12, 0, 0), (10**30, 0, 0, 0), (0, 10**30, 0, 0), ("0", 0, 0, 0), (None, 0, 0, 0)],
+     (2, 12, 0, 0), (10**30, 0, 0, 0), (0, 10**30, 0, 0), ("0", 0, 0, 0), (None, 0, 0, 0), (3, 0, 1, 1)],
 )  # fmt: skip
 def test_places_that_no_plan_passes_are_refused(place):
     with pytest.raises(ValueError, match="place"):
