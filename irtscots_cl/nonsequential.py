@@ -13,16 +13,17 @@ from irtscots_cl.calibration import calibrate, check_visible
 from irtscots_cl.checkpoint import Keeper, KeptTrace, hash_of, trace_facts
 from irtscots_cl.device import Device, select_device
 from irtscots_cl.execution import Workspace
-from irtscots_cl.interface import PATH, PRECISIONS, element_dtype, path_job_dtype
+from irtscots_cl.interface import PATH, PRECISIONS
 from irtscots_cl.launches import Pace, launch_structure, plan_launches, share_rays
-from irtscots_cl.options import NONSEQUENTIAL, TraceOptions
+from irtscots_cl.options import BRANCHES, NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import pack
-from irtscots_cl.parts import Part, check_media, groups_of, on_screen, parts_of
-from irtscots_cl.paths import KINDS, MAX_EVENTS, PathFlux, PathLight, kind_of, name_of
+from irtscots_cl.partpacking import pack_elements, pack_scatter, path_job
+from irtscots_cl.parts import Part, check_media, parts_of
+from irtscots_cl.paths import KINDS, MAX_EVENTS, PathFlux, PathLight, StayingFlux, events_of, kind_of, name_of
 from irtscots_cl.program import Source, check_precision, compose
 from irtscots_cl.runner import run_rays
-from irtscots_cl.scatter import ABg, Harvey
 from irtscots_cl.scene import Scene, SceneError
+from irtscots_cl.sequence import NO_FOCUS, path_focus
 
 # As in kernels/finish.cl: then one per element, absorbed. "parted" are no end, but rays beside those launched.
 ENDS = ("detected", "escaped", "bounce limit", "failed", "parted")
@@ -33,7 +34,7 @@ FOUND_SIZE = 2**20  # detected rays that a pilot can tell of
 SCALE_BITS = 22  # of a path's largest weight in the pilot; leaves 2^9 for larger ones
 MAX_IMAGE_BYTES = 2**31
 LEAST_CHANCE = 0.1  # of either branch at an interface
-SCATTER_CHANCE = 0.125  # of a ray to send another towards the camera from where it scatters
+STAYING_ONE = 2.0**20  # as in kernels/finish.cl
 MAX_RAYS_PER_ITEM = 2**16
 FIRST_LAUNCH_RAYS = 2**20  # before a launch has been timed
 
@@ -50,6 +51,8 @@ def trace_paths(
     overfill: float = 1.0,
     bounce_limit: int = MAX_EVENTS,
     least_chance: float = LEAST_CHANCE,
+    branches: str = "roulette",
+    aimed_scatter: bool = True,
     progress: Callable[[int, int], None] | None = None,
     keeper: Keeper | None = None,
     finished: Callable[[PathLight], None] | None = None,
@@ -57,7 +60,9 @@ def trace_paths(
     """Trace rays_per_pixel rays per screen pixel, aimed at the mirror, from element to element to their ends.
 
     bounce_limit: events after which a ray is given up (and counted). least_chance: with which a ray is reflected or
-    refracted at an interface however small that share of its light is; its weight makes up for it. The rest as in
+    refracted at an interface however small that share of its light is; its weight makes up for it. branches: "roulette"
+    follows one of them, "both" both, as long as the weaker one weighs a thousandth of a ray. aimed_scatter: scattered
+    rays are also aimed at the camera (parts.targets_of); without, only what finds it by chance counts. The rest as in
     tracer.trace. Raises as that does.
     """
     options = TraceOptions(NONSEQUENTIAL, sampler, precision, seed, overfill=overfill)
@@ -65,10 +70,12 @@ def trace_paths(
         raise ValueError(f"--bounce-limit = {bounce_limit}: must be 1 to {MAX_EVENTS}")
     if not 0 <= least_chance <= 0.5:
         raise ValueError(f"--least-chance = {least_chance}: must be 0 to 0.5")
+    if branches not in BRANCHES:
+        raise ValueError(f"--branches = {branches!r}: must be one of {', '.join(BRANCHES)}")
     rays = share_rays(rays_per_pixel, replicates)
     device = device if device is not None else select_device()
     started = time.perf_counter()
-    tracer = PathTracer(scene, device, options, bounce_limit, least_chance)
+    tracer = PathTracer(scene, device, options, bounce_limit, least_chance, branches, aimed_scatter)
     kept = tracer.find()
     if not kept.codes:
         raise SceneError(
@@ -78,15 +85,16 @@ def trace_paths(
     built = time.perf_counter()
     file = None
     if keeper is not None:
-        more = {"bounce_limit": bounce_limit, "least_chance": least_chance}
+        more = {"bounce_limit": bounce_limit, "least_chance": least_chance, "branches": branches,
+                "aimed_scatter": aimed_scatter}  # fmt: skip
         file = keeper.file_of(trace_facts(scene, options, rays, device, **more))
 
     def light(images: np.ndarray, sums: np.ndarray, seconds: dict[str, float]) -> PathLight:
         of = rays[: len(sums)]
         ends = tracer.ends(sums, int(of.sum()) * tracer.streams)
         images_w = images * (tracer.unit_w / kept.of_kind)[None, :, None, None] / of[:, None, None, None]
-        return PathLight(scene, options, device.describe(), tracer.fluxes(sums, kept, of), images_w, of, ends,
-                         _ledger(ends), seconds)  # fmt: skip
+        return PathLight(scene, options, device.describe(), tracer.fluxes(sums, kept, of), tracer.staying(sums, of),
+                         tracer.launched_w, images_w, of, ends, _ledger(ends), seconds)  # fmt: skip
 
     def so_far(sums: tuple[np.ndarray, ...]) -> None:
         finished(light(*sums, {"build": built - started, "trace": 0.0, "kernels": 0.0}))
@@ -127,7 +135,8 @@ class Kept:
 class PathTracer:
     """The kernel and buffers of one scene on one device.
 
-    source: what was built. streams: screen pixels. unit_w: flux [W] of weight 1 in a run of one ray per screen pixel.
+    source: what was built. streams: screen pixels. unit_w: flux [W] of weight 1 in a run of one ray per screen pixel,
+    launched_w: of all rays.
     kernel_seconds: of `run` so far. A runner.Job. Raises DeviceError if the device cannot build or hold it.
     """
 
@@ -138,6 +147,8 @@ class PathTracer:
         options: TraceOptions,
         bounce_limit: int = MAX_EVENTS,
         least_chance: float = LEAST_CHANCE,
+        branches: str = "roulette",
+        aimed_scatter: bool = True,
     ):
         check_precision(device, options.precision)
         calibration = calibrate(scene)
@@ -148,21 +159,24 @@ class PathTracer:
         real, packed = PRECISIONS[options.precision], pack(calibration, options.precision)
         elements = pack_elements(scene, self.parts, real, least_chance)
         sources, area = emitters(calibration, options.precision, options.overfill, options.aim)
-        self.streams, self._job = len(sources), _job(scene, self.parts, real, bounce_limit, sources)
-        self.source = _compose(packed, self.parts, elements, self._job, options, device)
-        self.unit_w = scene.screen.radiance * scene.screen.pitch_mm**2 * float(area.max())
+        self.streams, self._job = len(sources), path_job(scene, self.parts, real, bounce_limit, sources)
+        scatter, structs = pack_scatter(scene, self.parts, real, aimed_scatter)
+        structs |= {"Element": elements.dtype, "Path": PATH, "PathJob": self._job.dtype}
+        self.source = _compose(packed, self.parts, structs, options, branches, device)
+        gain = scene.screen.radiance * scene.screen.pitch_mm**2
+        self.unit_w, self.launched_w = gain * float(area.max()), gain * float(area.sum())
         self._image_shape = (len(KINDS), sum(scene.screen.pixels), int(np.prod(scene.camera.detector.pixels)))
-        self._sums_shape = (len(ENDS) + len(self.parts) + 2 * KEPT_PATHS,)
+        self._sums_shape = (len(ENDS) + 2 * len(self.parts) + 2 + 2 * KEPT_PATHS,)
         size = 8 * int(np.prod(self._image_shape))
         if size > MAX_IMAGE_BYTES:
             raise ValueError(f"scene {scene.name}: images of {self._image_shape[1]} lines with {self._image_shape[2]} "
                              f"pixels take {size} bytes; must be at most {MAX_IMAGE_BYTES}")  # fmt: skip
         self._facts = {
             "code": hash_of(self.source.text.encode(), *(option.encode() for option in self.source.options)),
-            "inputs": hash_of(packed.scene, sources, elements, self._job),
+            "inputs": hash_of(packed.scene, sources, elements, scatter, self._job),
         }
         self._workspace = work = Workspace(device, self.source, "trace_paths")
-        self._before = [work.upload(array) for array in (packed.scene, sources, elements)]
+        self._before = [work.upload(array) for array in (packed.scene, sources, elements, scatter)]
         self._sums, self._images = work.empty(8 * self._sums_shape[0]), work.empty(size)
         self._found = work.empty(4 * (1 + 3 * FOUND_SIZE))
 
@@ -226,15 +240,28 @@ class PathTracer:
 
     def fluxes(self, sums: np.ndarray, kept: Kept, rays: np.ndarray) -> tuple[PathFlux, ...]:
         """Flux of every path, by power, and last of all others."""
-        paths = sums[:, len(ENDS) + len(self.parts) :].reshape(len(rays), KEPT_PATHS, 2)
+        paths = sums[:, -2 * KEPT_PATHS :].reshape(len(rays), KEPT_PATHS, 2)
         names = tuple(part.name for part in self.parts)
         labels = [(name_of(code, names), KINDS[kind_of(code)]) for code in kept.codes] + [("other", "other")]
+        sharp = [*(path_focus(self.parts, events_of(code)) for code in kept.codes), NO_FOCUS]
         found = []
         for p, (label, entry) in enumerate(zip(labels, kept.table(), strict=True)):
-            each = paths[:, p, 1] / float(entry["scale"]) * self.unit_w / rays
-            error = float(np.std(each, ddof=1) / np.sqrt(len(rays))) if len(rays) > 1 else float("nan")
-            found.append(PathFlux(*label, float(np.average(each, weights=rays)), error, int(paths[:, p, 0].sum())))
+            flux = self._watts(paths[:, p, 1] / float(entry["scale"]), rays)
+            found.append(PathFlux(*label, *flux, int(paths[:, p, 0].sum()), *sharp[p]))
         return (*sorted(found[:-1], key=lambda path: -path.flux_w), found[-1])
+
+    def staying(self, sums: np.ndarray, rays: np.ndarray) -> tuple[StayingFlux, ...]:
+        """Light that does not reach the detector, by where it stays: absorbed by elements, escaped, given up."""
+        names = (*(f"absorbed by {part.name}" for part in self.parts), "escaped", "bounce limit")
+        first = len(ENDS) + len(self.parts)
+        weights = sums[:, first : first + len(names)] / STAYING_ONE
+        return tuple(StayingFlux(name, *self._watts(each, rays)) for name, each in zip(names, weights.T, strict=True))
+
+    def _watts(self, weights: np.ndarray, rays: np.ndarray) -> tuple[float, float]:
+        """Flux of weights [replicates] in W and its standard error."""
+        each = weights * self.unit_w / rays
+        error = float(np.std(each, ddof=1) / np.sqrt(len(rays))) if len(rays) > 1 else float("nan")
+        return float(np.average(each, weights=rays)), error
 
     @property
     def kernel_seconds(self) -> float:
@@ -251,75 +278,35 @@ class PathTracer:
         _, streams, _, rays = part
         per_item = max(1, min(rays, self.max_rays_per_item))
         launch = launch_structure(self.scene, self.options, replicate, part, per_item)
-        scene, sources, elements = self._before
-        arguments = [scene, launch, sources, elements, self._paths, self._sums, self._images, self._found, self._job]
+        scene, *tables = self._before
+        arguments = [scene, launch, *tables, self._paths, self._sums, self._images, self._found, self._job]
         seconds = self._workspace.launch((streams, max(1, -(-rays // per_item))), arguments)
         self.pace.launched(streams * rays, seconds)
 
 
-def pack_elements(scene: Scene, parts: tuple[Part, ...], real, least_chance: float) -> np.ndarray:
-    """The parts as the kernels' structures [parts]."""
-    origins, group = groups_of(scene, parts)
-    out = np.zeros(len(parts), element_dtype(real, len(origins)))
-    for entry, part, of in zip(out, parts, group, strict=True):
-        frame = part.frame
-        entry["axis_x"], entry["axis_y"], entry["axis_z"] = frame.axes
-        to = (origins - frame.position_mm) @ frame.axes.T
-        entry["offset"] = np.column_stack([to, np.abs(to).sum(1)])
-        entry["origin"] = frame.position_mm - origins[of]
-        for name in ("q_xx", "q_yy", "q_zz", "q_xz"):
-            entry[name] = getattr(part.quadric, name)
-        entry["outer2"], entry["inner2"] = min(part.outer_mm**2, 1e30), part.inner_mm**2
-        entry["half_u"], entry["half_v"] = (min(half, 1e30) for half in part.half_mm)
-        entry["reflectance"] = -1.0 if np.isnan(part.reflectance) else part.reflectance
-        entry["index_front"], entry["index_back"] = part.index_front, part.index_back
-        entry["least_chance"], entry["transmittance"] = least_chance, part.transmittance
-        entry["inverse_focal_length"], entry["group"] = 1 / part.focal_length_mm, of
-        if part.scatter is not None:
-            entry["scattered"], entry["scatter_chance"] = float(part.scatter.tis_at()), SCATTER_CHANCE
-            entry["scatter"] = _scatter_numbers(part.scatter)
-    return out
-
-
-def _scatter_numbers(model) -> tuple[float, float, float]:
-    """What the model's kernels/scatter_*.cl wants."""
-    if isinstance(model, Harvey):
-        return float(model.bsdf(0.0)), 1 / model.l**2, model.s / 2
-    if isinstance(model, ABg):
-        return model.a, model.b, model.g / 2
-    return float(model.bsdf(0.0)), 0.0, 0.0
-
-
-def _compose(packed, parts: tuple[Part, ...], elements, job, options: TraceOptions, device: Device) -> Source:
-    """The kernel's source, with the shapes and kinds of elements that there are and no others."""
-    kinds, scattering = {part.kind for part in parts}, [p.scatter for p in parts if p.scatter is not None]
+def _compose(packed, parts: tuple[Part, ...], structs, options: TraceOptions, branches: str, device: Device) -> Source:
+    """The kernel's source, with the shapes and kinds of elements and the scatter models that there are, no others."""
+    kinds, models = {part.kind for part in parts}, {_model(part) for part in parts} - {"none"}
+    refracts = any(part.refracts for part in parts)
     choices = packed.choices | {
         "sampler": options.sampler,
-        "keys": "random" if kinds & {"refractor", "scattering"} else "none",
-        "spawn": "list" if scattering else "none",
-        "scatter": type(scattering[0]).__name__.lower() if scattering else "none",
+        "keys": "random" if refracts or models else "none",
+        "spawn": "list" if models or (refracts and branches == "both") else "none",
+        "branch": branches,
     }
-    structs = packed.structs | {
-        "Element": elements.dtype, "Path": PATH, "PathJob": job.dtype,
-    }  # fmt: skip
     # made of the program's own words: no text of a scene comes into a source
-    calls = " ".join(f"DO({part.shape}, {part.kind}, {number})" for number, part in enumerate(parts))
+    calls = " ".join(f"DO({part.shape}, {part.kind}, {_model(part)}, {k})" for k, part in enumerate(parts))
     deviated = ("element_deviated.cl",) if any(part.shape == "deviated" for part in parts) else ()
-    first = (*deviated, *sorted(f"interact_{kind}.cl" for kind in kinds), *["finish_scattering.cl"] * bool(scattering))
+    finish = ("finish_refractor.cl" if branches == "roulette" else "finish_both.cl",) * refracts
+    first = (*deviated, *(f"interact_{kind}.cl" for kind in sorted(kinds)), *finish,
+             *(f"scatter_{model}.cl" for model in sorted(models)))  # fmt: skip
     width = device.vector_width(options.precision)
-    return compose("trace_paths.cl", choices, structs, options.precision, width, packed.constants,
+    return compose("trace_paths.cl", choices, packed.structs | structs, options.precision, width, packed.constants,
                    {"ELEMENTS(DO)": calls}, first)  # fmt: skip
 
 
-def _job(scene: Scene, parts: tuple[Part, ...], real, bounce_limit: int, sources: np.ndarray) -> np.ndarray:
-    """The kernels' PathJob [()], but for what changes from launch to launch."""
-    origins, _ = groups_of(scene, parts)
-    job = np.zeros((), path_job_dtype(real, len(origins)))
-    job["aperture"] = np.array(scene.camera.position_mm) - origins
-    job["element_count"], job["bounce_limit"] = len(parts), bounce_limit
-    job["screen_group"], job["screen_element"] = 1, on_screen(scene, parts)
-    job["inverse_unit_area"] = 1 / np.max(sources["aim_ll"] * sources["aim_mm"])
-    return job
+def _model(part: Part) -> str:
+    return "none" if part.scatter is None else type(part.scatter).__name__.lower()
 
 
 def _ledger(ends: dict[str, int]) -> dict[str, int]:

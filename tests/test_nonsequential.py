@@ -322,6 +322,17 @@ def test_a_real_lens_passes_the_light_that_the_oracle_says(device, name):
     assert Z * math.hypot(error_w / expected, error) < 0.02  # less than a single surface reflects
 
 
+def test_paths_tell_how_sharp_they_are(device):
+    """Of the path by its name; what is in no path of its own has no focus. tests/test_sequence.py has the figures."""
+    paths = {path.name: path for path in lens_light("sphere-singlet", device).paths}
+    direct = paths["screen > mirror > lens.front > lens.back > detector"]
+    ghost = paths["screen > mirror > lens.front > lens.back (r) > lens.front (r) > lens.back > detector"]
+    assert abs(direct.focus_mm) < 2e-6 and direct.blur_mm < 2e-7  # lengths are told to 1e-6 mm
+    assert ghost.focus_mm == pytest.approx(-14.714, abs=1e-3)
+    assert ghost.blur_mm == pytest.approx(5.092, abs=1e-3)
+    assert math.isnan(paths["other"].focus_mm) and math.isnan(paths["other"].blur_mm)
+
+
 def slopes_behind(steps, axis, across, height_mm, origin):
     """Height and slope behind a lens, against its axis, of two rays at +-height_mm in front: half their difference.
 

@@ -57,7 +57,7 @@ def test_the_mirror_is_the_worlds_frame_and_scatters_if_told():
     mirror = dataclasses.replace(scene.mirror, scatter=Harvey(0.01, -1.5, tis=0.0025), obscuration_mm=30.0,
                                  reflectance=0.9)  # fmt: skip
     part = parts_of(dataclasses.replace(scene, mirror=mirror))[0]
-    assert (part.kind, part.scatter, part.reflectance) == ("scattering", mirror.scatter, 0.9)
+    assert (part.kind, part.scatter, part.reflectance) == ("mirror", mirror.scatter, 0.9)
     assert (part.outer_mm, part.inner_mm) == (mirror.diameter_mm / 2, 15.0)
     np.testing.assert_array_equal(part.frame.position_mm, np.zeros(3))
     np.testing.assert_array_equal(part.frame.axes, np.eye(3))

@@ -21,8 +21,10 @@ def add(commands) -> None:
         "paths",
         _execute,
         "list the paths that light takes from the screen to the detector",
-        "Traces the scene with all its elements in any order: direct paths, ghosts, their flux, and what they add to "
-        "the measured height. (r) marks a reflection at an interface that should transmit.",
+        "Traces the scene with all its elements in any order: direct paths, ghosts, their flux, how sharp they are "
+        "on the detector, and what they add to the measured height. (r) marks a reflection at an interface that should "
+        "transmit. focus: from the detector to where the light of a mirror point meets again, negative before it; "
+        "blur: diameter of its light on the detector.",
     )
     add_scene(parser)
     parser.add_argument(
@@ -44,6 +46,13 @@ def add(commands) -> None:
         metavar="C",
         help="chance of a reflection at an interface, however small its share of the light: more of it, more rays "
         "on ghosts; default 0.1",
+    )
+    parser.add_argument(
+        "--branches",
+        default="roulette",
+        metavar="B",
+        help="at an interface: roulette (a ray goes one way, by chance) or both (it parts, as long as the weaker part "
+        "weighs a thousandth of a ray); default roulette",
     )
     parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
     add_quiet(parser)
@@ -67,6 +76,7 @@ def _execute(options: argparse.Namespace) -> int:
             seed=options.seed,
             bounce_limit=options.bounce_limit,
             least_chance=options.least_chance,
+            branches=options.branches,
             progress=progress,
         )
     facts = path_facts(light, stray_light(light))

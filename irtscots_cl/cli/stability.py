@@ -46,13 +46,14 @@ def _execute(options: argparse.Namespace) -> int:
 
 def _devices(choice: str | None) -> list:
     from irtscots_cl.device import DeviceError, all_devices, select_device
+    from irtscots_cl.selftest import check_device
 
     if choice is not None:
         return [select_device(choice)]
     usable = []
     for device in all_devices():
         try:
-            device.probe()
+            check_device(device, "fp32")
         except DeviceError:
             continue
         usable.append(device)
