@@ -10,6 +10,7 @@ import argparse
 import json
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from irtscots_cl.checkpoint import Interrupted, Keeper, KeptTrace
@@ -43,10 +44,8 @@ def _measure(name: str, options: argparse.Namespace) -> dict[str, object]:
     with tempfile.TemporaryDirectory(dir=options.out) as folder:
         keeper = Watched(Path(folder) / "checkpoint", max_seconds=options.seconds)
         started = time.perf_counter()
-        try:
+        with suppress(Interrupted):
             trace(load_scene(name), device=device, rays_per_pixel=MANY_RAYS, keeper=keeper)
-        except Interrupted:
-            pass
         seconds, size = time.perf_counter() - started, keeper.path.stat().st_size
     return {"scene": name, "device": device.name, "bytes": size, "saves": keeper.kept.saves, "seconds": seconds,
             "share": keeper.kept.save_seconds / seconds}  # fmt: skip
