@@ -88,22 +88,16 @@ def trace_paths(
         more = {"bounce_limit": bounce_limit, "least_chance": least_chance, "branches": branches,
                 "aimed_scatter": aimed_scatter}  # fmt: skip
         file = keeper.file_of(trace_facts(scene, options, rays, device, **more))
-
-    def light(images: np.ndarray, sums: np.ndarray, seconds: dict[str, float]) -> PathLight:
-        of = rays[: len(sums)]
-        ends = tracer.ends(sums, int(of.sum()) * tracer.streams)
-        images_w = images * (tracer.unit_w / kept.of_kind)[None, :, None, None] / of[:, None, None, None]
-        return PathLight(scene, options, device.describe(), tracer.fluxes(sums, kept, of), tracer.staying(sums, of),
-                         tracer.launched_w, images_w, of, ends, _ledger(ends), seconds)  # fmt: skip
+    seconds = {"build": built - started, "trace": 0.0, "kernels": 0.0}
 
     def so_far(sums: tuple[np.ndarray, ...]) -> None:
-        finished(light(*sums, {"build": built - started, "trace": 0.0, "kernels": 0.0}))
+        finished(tracer.result(*sums, kept, rays[: len(sums[0])], seconds))
 
     sums = tracer.run(rays, kept, progress, file, None if finished is None else so_far)
     before = {"trace": 0.0, "kernels": 0.0} if file is None else file.seconds
-    seconds = {"build": built - started, "trace": time.perf_counter() - built + before["trace"],
-               "kernels": tracer.kernel_seconds + before["kernels"]}  # fmt: skip
-    return light(*sums, seconds)
+    seconds["trace"] = time.perf_counter() - built + before["trace"]
+    seconds["kernels"] = tracer.kernel_seconds + before["kernels"]
+    return tracer.result(*sums, kept, rays, seconds)
 
 
 @dataclass(frozen=True)
@@ -225,6 +219,16 @@ class PathTracer:
         self.pace.kernel_seconds = 0.0
         self.launch(0, (0, self.streams, 0, of_stream))
         return of_stream * self.streams / self.kernel_seconds
+
+    def result(
+        self, images: np.ndarray, sums: np.ndarray, kept: Kept, rays: np.ndarray, seconds: dict[str, float]
+    ) -> PathLight:
+        """The trace of rays [replicates] per stream, from what `run` gives of them."""
+        ends = self.ends(sums, int(rays.sum()) * self.streams)
+        images_w = images * (self.unit_w / kept.of_kind)[None, :, None, None] / rays[:, None, None, None]
+        return PathLight(self.scene, self.options, self._workspace.device.describe(), self.fluxes(sums, kept, rays),
+                         self.staying(sums, rays), self.launched_w, images_w, rays, ends, _ledger(ends),
+                         seconds)  # fmt: skip
 
     def ends(self, sums: np.ndarray, launched: int) -> dict[str, int]:
         """Rays of all replicates by where they ended; they add up to those launched and those that parted from others.

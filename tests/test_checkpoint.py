@@ -302,6 +302,13 @@ def test_forged_headers_with_right_digests_never_become_a_number(tmp_path):
     assert peak < 10e6  # the sums take a kilobyte
 
 
+def test_a_header_is_read_no_further_than_it_can_be_long(tmp_path):
+    path = tmp_path / "kept"
+    header, arrays = split(interrupted(path))
+    texts = [json.dumps(header).encode() + b" " * length for length in (1000, checkpoint.MAX_HEADER_BYTES, 10**7)]
+    assert [outcome(path, joined(text, arrays)) for text in texts] == ["went on", "refused", "refused"]
+
+
 def test_a_margin_from_a_file_is_one_that_windows_can_have(tmp_path):
     path = tmp_path / "kept"
     header, arrays = split(interrupted(path))

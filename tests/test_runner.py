@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 
 import numpy as np
 import pytest
@@ -56,7 +57,7 @@ def test_a_plan_goes_on_from_any_launch_with_launches_of_another_size(rays, size
     "place",
     [(-1, 0, 0, 0), (4, 0, 0, 0), (3, 4, 0, 0), (0, 3, 0, 0), (0, -4, 0, 0), (0, 16, 0, 0), (0, 0, 4, 0), (0, 0, 4, 5),
      (0, 0, 4, -1), (0, 0, 0, 1), (0, 0, 3, 1), (0, 12, 4, 1), (0, 0, -4, 1), (0.0, 0, 0, 0), (True, 0, 0, 0),
-     (2, 12, 0, 0), (10**30, 0, 0, 0), (0, 10**30, 0, 0), ("0", 0, 0, 0), (None, 0, 0, 0)],
+     (2, 12, 0, 0), (10**30, 0, 0, 0), (0, 10**30, 0, 0), ("0", 0, 0, 0), (None, 0, 0, 0), (3, 0, 1, 1)],
 )  # fmt: skip
 def test_places_that_no_plan_passes_are_refused(place):
     with pytest.raises(ValueError, match="place"):
@@ -181,10 +182,13 @@ def test_seconds_of_earlier_processes_count(device, tmp_path):
     keeper = Keeper(path)
     with pytest.raises(Interrupted):
         trace(SCENE, **options, keeper=keeper, progress=lambda *_: setattr(keeper, "stop", True))
-    with path.open("rb") as file:
-        before = checkpoint._read_header(file, path)["seconds"]
+    line, sums = path.read_bytes().split(b"\n", 1)
+    header = json.loads(line.removeprefix(checkpoint.FORMAT)[33:])
+    assert 0 < header["seconds"]["kernels"] < header["seconds"]["trace"] < 60
+    header["seconds"] = {"trace": 2000.0, "kernels": 1000.0}
+    checkpoint._write(path, json.dumps(header).encode(), [np.frombuffer(sums[: -checkpoint.DIGEST_BYTES], np.uint8)])
     after = trace(SCENE, **options, keeper=Keeper(path, resume=True)).seconds
-    assert after["trace"] > before["trace"] > 0 and after["kernels"] >= before["kernels"] > 0
+    assert 2000 < after["trace"] < 2060 and 1000 < after["kernels"] < 1060
 
 
 def test_the_wider_windows_of_a_trace_are_gone_on_with(device, tmp_path, monkeypatch):
@@ -209,6 +213,9 @@ def test_the_wider_windows_of_a_trace_are_gone_on_with(device, tmp_path, monkeyp
     assert margins == [1, 2, 1, 2]
     assert bits(trace(SCENE, **options, keeper=Keeper(tmp_path / "kept", resume=True))) == expected
     assert margins == [1, 2, 1, 2, 2]
+    monkeypatch.setattr(checkpoint, "LEAST_SECONDS", 0.0)
+    monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)  # what was saved of the first does not stop the second
+    assert bits(trace(SCENE, **options, keeper=Keeper(tmp_path / "new", resume=True))) == expected
 
 
 def test_found_paths_do_not_depend_on_the_order_of_their_rays(device):
