@@ -158,8 +158,9 @@ class Bench:
         out = [np.zeros(len(rays), self.real), np.zeros(len(rays), np.int32)]
         return self.launch(work, [elements, rays, *numbers], out)
 
-    def interact(self, kind, element, along, normal=None, point=None, words=None, call="interact_KIND(elements, &at);"):
-        """goes [rays, 3], weight, event and ends [rays] after an interaction."""
+    def interact(self, kind, element, along, normal=None, point=None, words=None, call="interact_KIND(elements, &at);",
+                 name="interact"):  # fmt: skip
+        """goes [rays, 3], weight, event and ends [rays] after an interaction. name: one for each call."""
         along = np.asarray(along)
         zeros = np.zeros_like(along)
         normal = zeros + np.array([0, 0, 1]) if normal is None else normal
@@ -167,7 +168,7 @@ class Bench:
         words = np.zeros(len(rays), np.uint32) if words is None else words
         signature = "__global const real *given, __global const uint *words, __global real *out, __global int *marks"
         body = INTERACT.replace("CALL", call.replace("KIND", kind))
-        work = self.kernel("interact", f"interact_{kind}.cl", signature, body)
+        work = self.kernel(name, f"interact_{kind}.cl", signature, body)
         extra = -len(rays) % self.width  # whole vectors
         rays, words = (np.concatenate([a, a[:1].repeat(extra, 0)]) for a in (rays, words))
         out = [np.zeros((len(rays), 6), self.real), np.zeros((len(rays), 2), np.int32)]
@@ -189,7 +190,7 @@ class Bench:
         """Refracted directions and, in `weight`, the reflectance."""
         call = "const Refraction r = refract(elements, &at); at.goes = r.beyond; "
         call += "at.weight = KIND_reflectance(elements, &r);"
-        return self.interact(kind, element, along, normal, call=call)
+        return self.interact(kind, element, along, normal, call=call, name="shares")
 
 
 @pytest.fixture
@@ -500,6 +501,125 @@ def test_a_mirror_reflects_what_comes_from_the_front_and_swallows_the_rest(bench
     np.testing.assert_allclose(found.goes, expected, rtol=0, atol=tolerance)
     np.testing.assert_array_equal(found.weight[sure], np.where(front[sure], 0.5, 0.0))
     np.testing.assert_array_equal(found.absorbed, 1 - found.weight)
+
+
+# --- coatings of a quarter of a wavelength ------------------------------------------------------------------
+
+
+def thin_film(index_in, coating, index_out, angle):
+    """Unpolarised reflectance [angles] of one layer whose optical thickness is a quarter of a wavelength.
+
+    By characteristic matrices (F. Abeles, Ann. Phys. 5 (1950) 596) in complex numbers: evanescent waves included.
+    """
+    sine = index_in * np.sin(angle) + 0j
+    cosine_in, cosine, cosine_out = (np.sqrt(1 - (sine / index) ** 2) for index in (index_in, coating, index_out))
+    phase = np.pi / 2 * cosine
+    found = []
+    for admittance_in, admittance, admittance_out in (
+        (index_in * cosine_in, coating * cosine, index_out * cosine_out),  # s
+        (index_in / cosine_in, coating / cosine, index_out / cosine_out),  # p
+    ):
+        layer = np.array([[np.cos(phase), 1j * np.sin(phase) / admittance],
+                          [1j * admittance * np.sin(phase), np.cos(phase)]])  # fmt: skip
+        b, c = layer[0, 0] + layer[0, 1] * admittance_out, layer[1, 0] + layer[1, 1] * admittance_out
+        found.append(np.abs((admittance_in * b - c) / (admittance_in * b + c)) ** 2)
+    return (found[0] + found[1]) / 2
+
+
+COATED_ANGLES = np.radians([0.0, 1e-3, 10.0, 30.0, 35.0, 45.0, 60.0, 75.0, 85.0, 89.0, 89.9])
+LAYERS = [(1.0, 1.38, 1.5168), (1.0, 2.3, 1.5168), (1.0, np.sqrt(1.5168), 1.5168), (1.5168, 1.6, 1.6727)]
+LAYERS += [(1.0, 2.0, 4.0)]
+
+
+def rays_at(angles, side):
+    return np.stack([np.sin(angles), 0 * angles, -side * np.cos(angles)], -1)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("front", "coating", "back"), LAYERS)
+def test_a_coating_reflects_as_a_thin_film(bench, front, coating, back, side):
+    """Light from both sides, beyond the critical angle too: there all is reflected."""
+    element = element_of(bench, index_front=front, index_back=back, coating_index=coating)
+    found = bench.refract(element, rays_at(COATED_ANGLES, side), kind="coated").weight
+    index_in, index_out = (front, back) if side > 0 else (back, front)
+    expected = thin_film(index_in, coating, index_out, COATED_ANGLES)
+    # fp32: a dozen roundings of a share of 1; fp64: the polynomial of the layer's phase is good to 3e-8
+    np.testing.assert_allclose(found, expected, rtol=0, atol={"fp32": 1e-6, "fp64": 3e-8}[bench.precision])
+    total = index_in * np.sin(COATED_ANGLES) > index_out
+    assert (found[total] == 1).all() and (found[~total] < 1).all()
+    assert total.any() == (index_in > index_out)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("coating", [1.0, 1.5168])
+def test_a_layer_of_the_index_beside_it_is_none(bench, coating, side):
+    """Its reflectance is the bare interface's."""
+    element = element_of(bench, index_front=1.0, index_back=1.5168, coating_index=coating)
+    index_in, index_out = (1.0, 1.5168) if side > 0 else (1.5168, 1.0)
+    found = bench.refract(element, rays_at(COATED_ANGLES, side), kind="coated").weight
+    expected = [exact_fresnel(index_in, index_out, angle) for angle in COATED_ANGLES]
+    tolerance = {"fp32": 1e-6, "fp64": 1e-13}[bench.precision]  # of the phase nothing is left: roundings alone
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize(("front", "back"), [(1.0, 1.5168), (1.0, 4.0), (1.5168, 1.6727)])
+def test_a_layer_of_the_mean_index_reflects_nothing_at_normal_incidence(bench, front, back):
+    element = element_of(bench, index_front=front, index_back=back, coating_index=np.sqrt(front * back))
+    bare = exact_fresnel(front, back, 0.0)
+    for side in (1, -1):
+        found = bench.refract(element, rays_at(np.zeros(1), side), kind="coated").weight[0]
+        assert abs(found) <= bare * {"fp32": 1e-6, "fp64": 6e-8}[bench.precision]  # as above, of the bare reflectance
+
+
+# --- both branches ------------------------------------------------------------------------------------------
+
+KINDS = {"refractor": {"reflectance": 0.3}, "coated": {"coating_index": 1.38}}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_both_branches_share_the_light(device, tmp_path, precision, kind):
+    """The ray goes on refracted with 1 - R whatever its random word; one of weight R parts from it, mirrored."""
+    bench = Bench(device, tmp_path, precision, "both")
+    generator = np.random.default_rng(10)
+    element = element_of(bench, index_front=1.0, index_back=1.5, least_chance=0.1, least_weight=1e-3, **KINDS[kind])
+    along, words = incident(generator), generator.integers(0, 2**32, COUNT, np.uint32)
+    found, shares = bench.interact(kind, element, along, words=words), bench.refract(element, along, kind=kind)
+    np.testing.assert_array_equal(found.parts, shares.weight)
+    np.testing.assert_allclose(found.weight + found.parts, 1, rtol=0, atol=bench.epsilon)
+    np.testing.assert_array_equal(found.goes, shares.goes)
+    assert (found.event == 0).all() and not found.ends.any() and not found.absorbed.any()
+    assert (found.goes[:, 2] < 0).all() and found.parts.min() > 1e-3
+
+
+@pytest.mark.parametrize("reflectance", [0.1, 0.9])
+@pytest.mark.parametrize(("arriving", "both"), [(0.0101, True), (0.0099, False)])
+def test_a_branch_that_weighs_too_little_is_left_to_chance(device, tmp_path, precision, reflectance, arriving, both):
+    """0.1 of a ray is the weaker share: at a hundredth of a ray it comes to the limit, 1e-3."""
+    bench = Bench(device, tmp_path, precision, "both")
+    words = (np.arange(COUNT) * (2**32 // COUNT) + 2**31 // COUNT).astype(np.uint32)
+    element = element_of(bench, index_front=1.0, index_back=1.5, reflectance=reflectance, least_weight=1e-3)
+    along = np.tile([[0.6, 0.0, -0.8]], (COUNT, 1))
+    call = f"at.arriving = (realv)((real){arriving}); interact_refractor(elements, &at);"
+    found = bench.interact("refractor", element, along, words=words, call=call)
+    if both:
+        np.testing.assert_allclose(found.parts, reflectance, rtol=bench.epsilon)
+        np.testing.assert_allclose(found.weight, 1 - reflectance, rtol=8 * bench.epsilon)
+        assert (found.event == 0).all()
+        return
+    reflected = found.event == 1
+    assert not found.parts.any()
+    assert abs(reflected.mean() - reflectance) <= 1 / COUNT
+    np.testing.assert_allclose(found.weight, 1, rtol=8 * bench.epsilon)  # the chance is the share itself
+    np.testing.assert_array_equal(reflected, found.goes[:, 2] > 0)
+
+
+def test_light_that_is_wholly_reflected_does_not_part(device, tmp_path, precision):
+    bench = Bench(device, tmp_path, precision, "both")
+    element = element_of(bench, index_front=1.0, index_back=1.5, reflectance=-1.0, least_weight=1e-3, least_chance=0.1)
+    found = bench.interact("refractor", element, rays_at(np.full(COUNT, 1.0), -1))  # 57 degrees; critical: 42
+    assert not found.parts.any()
+    np.testing.assert_array_equal(found.weight, 1)
+    assert (found.event == 1).all() and (found.goes[:, 2] < 0).all()
 
 
 # --- real lenses, surface after surface ---------------------------------------------------------------------
