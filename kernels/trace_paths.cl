@@ -60,7 +60,7 @@ typedef struct { realv step[BLOCK_VECTORS]; intv which[BLOCK_VECTORS]; } Nearest
 #define INTERACT(shape, kind, model, number)                                                                 \
     {                                                                                                        \
         const maskv meets = to_mask(which == (number));                                                      \
-        if (any_lane(meets)) {                                                                               \
+        if ((may >> number & 1u) && any_lane(meets)) {                                                       \
             __constant Element *element = &trace->elements[number];                                          \
             const Offset offset = group_offset(element, rays->group[v]);                                     \
             const LocalRay ray = element_ray(element, rays, v, &offset);                                     \
@@ -90,7 +90,7 @@ INLINE void find_nearest(const Trace *trace, const Rays *rays, int count, uint m
 }
 
 // The rays of vector v through their elements. Returns those that go on, as mask_word gives them; others are counted.
-INLINE ulong step_rays(const Trace *trace, Rays *rays, int v, realv step, intv which) {
+INLINE ulong step_rays(const Trace *trace, Rays *rays, int v, uint may, realv step, intv which) {
     intv after = which;
     ELEMENTS(INTERACT)
     rays->bounces[v] = rays->bounces[v] + 1;
@@ -110,10 +110,10 @@ INLINE void trace_rays(const Trace *trace, Rays *rays, int count) {
     int step = 0;
     while ((count = spawn_take(trace->spawned, rays, count)) > 0) {
         int left = 0;
-        find_nearest(trace, rays, count, step < known ? trace->job->may[step] : ~0u, &nearest);
-        ++step;
+        const uint may = step < known ? trace->job->may[step++] : ~0u;
+        find_nearest(trace, rays, count, may, &nearest);
         for (int v = 0; v * WIDTH < count; ++v) {
-            const ulong alive = step_rays(trace, rays, v, nearest.step[v], nearest.which[v]);
+            const ulong alive = step_rays(trace, rays, v, may, nearest.step[v], nearest.which[v]);
             if (alive == ALL_LANES && left == v * WIDTH) left += WIDTH;   // they are where they belong
             else   // in ascending order: none is overwritten before it was copied
                 for (int part = 0; part < LANE_PARTS; ++part)
