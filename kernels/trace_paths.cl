@@ -32,13 +32,14 @@ INLINE void emit(const Trace *trace, const Emitter *emitter, const Words *words,
     }
 }
 
-INLINE Interaction interaction_begin(const Rays *rays, int v, const LocalRay *ray, int number) {
+INLINE Interaction interaction_begin(const Trace *trace, const Rays *rays, int v, const LocalRay *ray, int number) {
     Interaction at;
     at.along = at.goes = ray->along;
     at.arriving = rays->weight[v];
     at.weight = (realv)(1);
     at.absorbed = at.parts = (realv)(0);
     at.event = (intv)(EVENT_NOMINAL);
+    at.room = (intv)(spawn_room(trace->spawned));
     at.ends = to_mask(at.event != at.event);
     at.draw = path_word(rays->key[v], rays->path_low[v], rays->path_high[v], number);
     return at;
@@ -64,7 +65,7 @@ typedef struct { realv step[BLOCK_VECTORS]; intv which[BLOCK_VECTORS]; } Nearest
             __constant Element *element = &trace->elements[number];                                          \
             const Offset offset = group_offset(element, rays->group[v]);                                     \
             const LocalRay ray = element_ray(element, rays, v, &offset);                                     \
-            Interaction at = interaction_begin(rays, v, &ray, number);                                       \
+            Interaction at = interaction_begin(trace, rays, v, &ray, number);                                \
             at.point = shape##_point(trace->scene, element, &ray, step);                                     \
             at.normal = shape##_normal(trace->scene, element, at.point);                                     \
             interact_##kind(element, &at);                                                                   \
