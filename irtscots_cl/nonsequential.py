@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from irtscots_cl.aiming import emitters
 from irtscots_cl.calibration import calibrate, check_visible
-from irtscots_cl.device import Device, select_device
+from irtscots_cl.cluster import place_of
+from irtscots_cl.device import Device
 from irtscots_cl.execution import Workspace
 from irtscots_cl.interface import PATH, PRECISIONS, element_dtype, path_job_dtype
 from irtscots_cl.launches import Pace, launch_structure, plan_launches, share_rays
@@ -18,6 +21,7 @@ from irtscots_cl.options import NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import pack
 from irtscots_cl.parts import Part, check_media, groups_of, on_screen, parts_of
 from irtscots_cl.paths import KINDS, MAX_EVENTS, PathFlux, PathLight, kind_of, name_of
+from irtscots_cl.presets import parse_scene
 from irtscots_cl.program import Source, check_precision, compose
 from irtscots_cl.runner import run_rays
 from irtscots_cl.scatter import ABg, Harvey
@@ -40,7 +44,8 @@ FIRST_LAUNCH_RAYS = 2**20  # before a launch has been timed
 def trace_paths(
     scene: Scene,
     *,
-    device: Device | None = None,
+    device: Device | Sequence[Device] | None = None,
+    client=None,
     sampler: str = "philox",
     precision: str = "fp32",
     rays_per_pixel: int = 2**16,
@@ -63,23 +68,28 @@ def trace_paths(
     if not 0 <= least_chance <= 0.5:
         raise ValueError(f"--least-chance = {least_chance}: must be 0 to 0.5")
     rays = share_rays(rays_per_pixel, replicates)
-    device = device if device is not None else select_device()
     started = time.perf_counter()
-    tracer = PathTracer(scene, device, options, bounce_limit, least_chance)
-    kept = tracer.find()
+    work, place = PathWork(scene, options, bounce_limit, least_chance), place_of(device, client)
+    kept = Kept(*map(tuple, place.call(find_paths, work.wire())))
     if not kept.codes:
         raise SceneError(
             f"scene {scene.name}: detector: no path from the screen reaches it; must be reached by one of "
-            f"{max(PILOT_RAYS // tracer.streams, 16) * tracer.streams} rays that look for paths"
+            f"{max(PILOT_RAYS // work.streams, 16) * work.streams} rays that look for paths"
         )
-    built = time.perf_counter()
-    images, sums = tracer.run(rays, kept, progress)
-    traced = time.perf_counter()
-    seconds = {"build": built - started, "trace": traced - built, "kernels": tracer.kernel_seconds}
-    ends = tracer.ends(sums, int(rays.sum()) * tracer.streams)
-    images_w = images * (tracer.unit_w / kept.of_kind)[None, :, None, None] / rays[:, None, None, None]
-    return PathLight(scene, options, device.describe(), tracer.fluxes(sums, kept, rays), images_w, rays, ends,
-                     _ledger(ends), seconds)  # fmt: skip
+    found = time.perf_counter() - started
+    ran = place.run(work.keeping(kept), rays, progress)
+    images, sums = ran.sums
+    seconds = ran.seconds | {"build": ran.seconds["build"] + found}
+    ends = ends_of(sums, work.parts, int(rays.sum()) * work.streams)
+    images_w = images * (work.unit_w / kept.of_kind)[None, :, None, None] / rays[:, None, None, None]
+    return PathLight(scene, options, ran.device, fluxes(sums, work, kept, rays), images_w, rays, ends, _ledger(ends),
+                     seconds)  # fmt: skip
+
+
+def find_paths(device: Device, wire: str) -> tuple[list[int], list[float]]:
+    """PathTracer.find of PathWork.wire on a device, in plain lists."""
+    kept = PathWork.from_wire(wire).build(device).find()
+    return list(kept.codes), list(kept.weights)
 
 
 @dataclass(frozen=True)
@@ -108,11 +118,56 @@ class Kept:
         return table
 
 
+class PathWork:
+    """The rays of a non-sequential trace and what they fill, known without a device: a crew.Work.
+
+    parts: the elements. unit_w: flux [W] of weight 1 in a run of one ray per screen pixel. kept: paths to be told
+    apart. Raises ValueError or SceneError for what cannot be traced.
+    """
+
+    def __init__(self, scene: Scene, options: TraceOptions, bounce_limit: int, least_chance: float):
+        calibration = calibrate(scene)
+        check_visible(calibration, f"scene {scene.name}")
+        self.scene, self.options, self.bounce_limit, self.least_chance = scene, options, bounce_limit, least_chance
+        self.parts, self.kept = parts_of(scene), Kept((), ())
+        check_media(scene, self.parts)
+        self.max_rays_per_item, self.first_launch_rays = MAX_RAYS_PER_ITEM, FIRST_LAUNCH_RAYS
+        self.sources, area = emitters(calibration, options.precision, options.overfill, options.aim)
+        self.streams = len(self.sources)
+        self.unit_w = scene.screen.radiance * scene.screen.pitch_mm**2 * float(area.max())
+        self.image_shape = (len(KINDS), sum(scene.screen.pixels), int(np.prod(scene.camera.detector.pixels)))
+        self.sums_bytes = 8 * int(np.prod(self.image_shape))
+        if self.sums_bytes > MAX_IMAGE_BYTES:
+            raise ValueError(f"scene {scene.name}: images of {self.image_shape[1]} lines with {self.image_shape[2]} "
+                             f"pixels take {self.sums_bytes} bytes; must be at most {MAX_IMAGE_BYTES}")  # fmt: skip
+
+    def keeping(self, kept: Kept) -> PathWork:
+        other = copy(self)
+        other.kept = kept
+        return other
+
+    def build(self, device: Device) -> PathTracer:
+        tracer = PathTracer(self.scene, device, self.options, self.bounce_limit, self.least_chance, self)
+        tracer.keep(self.kept)
+        return tracer
+
+    def wire(self) -> str:
+        return json.dumps({"scene": self.scene.to_toml(), "options": asdict(self.options), "kept": asdict(self.kept),
+                           "bounce_limit": self.bounce_limit, "least_chance": self.least_chance})  # fmt: skip
+
+    @classmethod
+    def from_wire(cls, text: str) -> PathWork:
+        data = json.loads(text)
+        work = cls(parse_scene(data["scene"]), TraceOptions(**data["options"]), data["bounce_limit"],
+                   data["least_chance"])  # fmt: skip
+        return work.keeping(Kept(*(tuple(data["kept"][key]) for key in ("codes", "weights"))))
+
+
 class PathTracer:
     """The kernel and buffers of one scene on one device.
 
-    source: what was built. streams: screen pixels. unit_w: flux [W] of weight 1 in a run of one ray per screen pixel.
-    kernel_seconds: of `run` so far. A runner.Job. Raises DeviceError if the device cannot build or hold it.
+    source: what was built. streams: screen pixels. work: of the same, where there is one. kernel_seconds: of `run` so
+    far. A runner.Job. Raises DeviceError if the device cannot build or hold it.
     """
 
     def __init__(
@@ -122,28 +177,20 @@ class PathTracer:
         options: TraceOptions,
         bounce_limit: int = MAX_EVENTS,
         least_chance: float = LEAST_CHANCE,
+        work: PathWork | None = None,
     ):
         check_precision(device, options.precision)
-        calibration = calibrate(scene)
-        check_visible(calibration, f"scene {scene.name}")
-        self.scene, self.options, self.parts, self.pace = scene, options, parts_of(scene), Pace()
-        self.max_rays_per_item, self.first_launch_rays = MAX_RAYS_PER_ITEM, FIRST_LAUNCH_RAYS
-        check_media(scene, self.parts)
-        real, packed = PRECISIONS[options.precision], pack(calibration, options.precision)
+        made = work or PathWork(scene, options, bounce_limit, least_chance)
+        self.scene, self.options, self.parts, self.pace = scene, options, made.parts, Pace()
+        self.max_rays_per_item, self.first_launch_rays = made.max_rays_per_item, made.first_launch_rays
+        real, packed = PRECISIONS[options.precision], pack(calibrate(scene), options.precision)
         elements = pack_elements(scene, self.parts, real, least_chance)
-        sources, area = emitters(calibration, options.precision, options.overfill, options.aim)
-        self.streams, self._job = len(sources), _job(scene, self.parts, real, bounce_limit, sources)
+        self.streams, self._job = made.streams, _job(scene, self.parts, real, bounce_limit, made.sources)
         self.source = _compose(packed, self.parts, elements, self._job, options, device)
-        self.unit_w = scene.screen.radiance * scene.screen.pitch_mm**2 * float(area.max())
-        self._image_shape = (len(KINDS), sum(scene.screen.pixels), int(np.prod(scene.camera.detector.pixels)))
-        self._sums_shape = (len(ENDS) + len(self.parts) + 2 * KEPT_PATHS,)
-        size = 8 * int(np.prod(self._image_shape))
-        if size > MAX_IMAGE_BYTES:
-            raise ValueError(f"scene {scene.name}: images of {self._image_shape[1]} lines with {self._image_shape[2]} "
-                             f"pixels take {size} bytes; must be at most {MAX_IMAGE_BYTES}")  # fmt: skip
+        self._image_shape, self._sums_shape = made.image_shape, (len(ENDS) + len(self.parts) + 2 * KEPT_PATHS,)
         self._workspace = work = Workspace(device, self.source, "trace_paths")
-        self._before = [work.upload(array) for array in (packed.scene, sources, elements)]
-        self._sums, self._images = work.empty(8 * self._sums_shape[0]), work.empty(size)
+        self._before = [work.upload(array) for array in (packed.scene, made.sources, elements)]
+        self._sums, self._images = work.empty(8 * self._sums_shape[0]), work.empty(made.sums_bytes)
         self._found = work.empty(4 * (1 + 3 * FOUND_SIZE))
 
     def find(self) -> Kept:
@@ -151,7 +198,7 @@ class PathTracer:
         found = np.zeros(1 + 3 * FOUND_SIZE, np.uint32)
         self._workspace.clear(self._found)
         self.clear()
-        self._keep(Kept((), ()), FOUND_SIZE)
+        self.keep(Kept((), ()), FOUND_SIZE)
         rays = max(PILOT_RAYS // self.streams, 16)
         for part in plan_launches(self.streams, rays, lambda: self.first_launch_rays, self.max_rays_per_item):
             self.launch(PILOT, part)
@@ -166,7 +213,7 @@ class PathTracer:
 
     def run(self, rays: np.ndarray, kept: Kept, progress=None) -> tuple[np.ndarray, np.ndarray]:
         """Images [replicates, kinds, lines, pixels] and sums [replicates, ends + elements + 2 paths]: whole numbers."""
-        self._keep(kept, 0)
+        self.keep(kept)
         return run_rays(self, rays, progress)
 
     def clear(self) -> None:
@@ -182,41 +229,17 @@ class PathTracer:
     def throughput(self, rays: int) -> float:
         """Rays per second of one launch of about that many rays, from its kernel's time; paths are not told apart."""
         of_stream = max(rays // self.streams, 1)
-        self._keep(Kept((), ()), 0)
+        self.keep(Kept((), ()))
         self.clear()
         self.pace.kernel_seconds = 0.0
         self.launch(0, (0, self.streams, 0, of_stream))
         return of_stream * self.streams / self.kernel_seconds
 
-    def ends(self, sums: np.ndarray, launched: int) -> dict[str, int]:
-        """Rays of all replicates by where they ended; they add up to those launched and those that parted from others.
-
-        AssertionError if not: a bug.
-        """
-        names = (*ENDS, *(f"absorbed by {part.name}" for part in self.parts))
-        found = dict(zip(names, (int(n) for n in sums.sum(0)[: len(names)]), strict=True))
-        parted = found.pop("parted")
-        ended = sum(found.values())
-        assert ended == launched + parted, f"{launched + parted} rays launched and parted, {ended} accounted for"
-        return {"launched": launched, "parted": parted} | found
-
-    def fluxes(self, sums: np.ndarray, kept: Kept, rays: np.ndarray) -> tuple[PathFlux, ...]:
-        """Flux of every path, by power, and last of all others."""
-        paths = sums[:, len(ENDS) + len(self.parts) :].reshape(len(rays), KEPT_PATHS, 2)
-        names = tuple(part.name for part in self.parts)
-        labels = [(name_of(code, names), KINDS[kind_of(code)]) for code in kept.codes] + [("other", "other")]
-        found = []
-        for p, (label, entry) in enumerate(zip(labels, kept.table(), strict=True)):
-            each = paths[:, p, 1] / float(entry["scale"]) * self.unit_w / rays
-            error = float(np.std(each, ddof=1) / np.sqrt(len(rays))) if len(rays) > 1 else float("nan")
-            found.append(PathFlux(*label, float(np.average(each, weights=rays)), error, int(paths[:, p, 0].sum())))
-        return (*sorted(found[:-1], key=lambda path: -path.flux_w), found[-1])
-
     @property
     def kernel_seconds(self) -> float:
         return self.pace.kernel_seconds
 
-    def _keep(self, kept: Kept, found_size: int) -> None:
+    def keep(self, kept: Kept, found_size: int = 0) -> None:
         """What the next launches tell apart; with found_size above 0 they list what is detected instead."""
         table = kept.table()
         self._paths = self._workspace.upload(table)
@@ -230,6 +253,32 @@ class PathTracer:
         arguments = [scene, launch, sources, elements, self._paths, self._sums, self._images, self._found, self._job]
         seconds = self._workspace.launch((streams, max(1, -(-rays // per_item))), arguments)
         self.pace.launched(streams * rays, seconds)
+
+
+def ends_of(sums: np.ndarray, parts: tuple[Part, ...], launched: int) -> dict[str, int]:
+    """Rays of all replicates by where they ended; they add up to those launched and those that parted from others.
+
+    sums: as of PathTracer.run. AssertionError if they do not add up: a bug.
+    """
+    names = (*ENDS, *(f"absorbed by {part.name}" for part in parts))
+    found = dict(zip(names, (int(n) for n in sums.sum(0)[: len(names)]), strict=True))
+    parted = found.pop("parted")
+    ended = sum(found.values())
+    assert ended == launched + parted, f"{launched + parted} rays launched and parted, {ended} accounted for"
+    return {"launched": launched, "parted": parted} | found
+
+
+def fluxes(sums: np.ndarray, work: PathWork, kept: Kept, rays: np.ndarray) -> tuple[PathFlux, ...]:
+    """Flux of every path, by power, and last of all others. sums: as of PathTracer.run."""
+    paths = sums[:, len(ENDS) + len(work.parts) :].reshape(len(rays), KEPT_PATHS, 2)
+    names = tuple(part.name for part in work.parts)
+    labels = [(name_of(code, names), KINDS[kind_of(code)]) for code in kept.codes] + [("other", "other")]
+    found = []
+    for p, (label, entry) in enumerate(zip(labels, kept.table(), strict=True)):
+        each = paths[:, p, 1] / float(entry["scale"]) * work.unit_w / rays
+        error = float(np.std(each, ddof=1) / np.sqrt(len(rays))) if len(rays) > 1 else float("nan")
+        found.append(PathFlux(*label, float(np.average(each, weights=rays)), error, int(paths[:, p, 0].sum())))
+    return (*sorted(found[:-1], key=lambda path: -path.flux_w), found[-1])
 
 
 def pack_elements(scene: Scene, parts: tuple[Part, ...], real, least_chance: float) -> np.ndarray:

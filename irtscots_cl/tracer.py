@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 
 import numpy as np
 
 from irtscots_cl.aiming import emitters
 from irtscots_cl.analytic import trace_analytic
 from irtscots_cl.calibration import Calibration, calibrate, check_visible
-from irtscots_cl.device import Device, select_device
+from irtscots_cl.cluster import place_of
+from irtscots_cl.crew import Place
+from irtscots_cl.device import Device
 from irtscots_cl.execution import LocalMemory, Workspace
 from irtscots_cl.interface import WEIGHT_ONE, Fate
 from irtscots_cl.launches import FIRST_LAUNCH_RAYS, MAX_RAYS_PER_ITEM, Pace, launch_structure, share_rays
@@ -18,6 +22,7 @@ from irtscots_cl.nonsequential import trace_paths
 from irtscots_cl.options import ANALYTIC, MAX_SMOOTHED_RAYS, NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import cosine4, line_receivers, pack, receivers
 from irtscots_cl.paths import PathLight
+from irtscots_cl.presets import parse_scene
 from irtscots_cl.program import check_precision, compose
 from irtscots_cl.runner import run_rays
 from irtscots_cl.scene import Scene
@@ -33,7 +38,8 @@ TILE_BYTES_PER_RAY = 4  # with more, clearing and merging a tile costs more than
 def trace(
     scene: Scene,
     *,
-    device: Device | None = None,
+    device: Device | Sequence[Device] | None = None,
+    client=None,
     estimator: str = "adjoint",
     sampler: str = "philox",
     precision: str = "fp32",
@@ -50,7 +56,9 @@ def trace(
 
     The analytic estimator takes no rays and no device, so none of the other arguments, and gives light curves alone.
 
-    device: as select_device gives it; None selects one. replicates: independent parts of the rays, for error bars.
+    device: as select_device gives it, or several, as select_devices does: they share the rays, and results are the same
+    bits as those of one if they are equal. None selects. client: a dask.distributed.Client, whose workers trace instead
+    (cluster.py). replicates: independent parts of the rays, for error bars.
     estimator, sampler, precision, seed, aim, overfill, smoothing: see TraceOptions. progress(done, total) is called
     after each launch with ray numbers. launch_rays: rays per launch, instead of timing; no result depends on it. Same
     seed and device, same bits.
@@ -61,7 +69,8 @@ def trace(
     options = TraceOptions(estimator, sampler, precision, seed, aim, overfill, smoothing)
     if estimator == NONSEQUENTIAL:
         return trace_paths(scene, device=device, sampler=sampler, precision=precision, rays_per_pixel=rays_per_pixel,
-                           replicates=replicates, seed=seed, overfill=overfill, progress=progress)  # fmt: skip
+                           replicates=replicates, seed=seed, overfill=overfill, progress=progress,
+                           client=client)  # fmt: skip
     check_sequential(scene, estimator)
     if estimator == ANALYTIC:
         return trace_analytic(scene)
@@ -70,33 +79,30 @@ def trace(
         raise ValueError(
             f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 for each replicate"
         )
-    device = device if device is not None else select_device()
-    return _trace_rays(scene, device, options, rays, progress, launch_rays)
+    check_visible(calibrate(scene), f"scene {scene.name}")
+    return _trace_rays(scene, place_of(device, client), options, rays, progress, launch_rays)
 
 
-def _trace_rays(scene: Scene, device: Device, options: TraceOptions, rays: np.ndarray, progress, launch_rays):
+def _trace_rays(scene: Scene, place: Place, options: TraceOptions, rays: np.ndarray, progress, launch_rays):
     """The forward or the adjoint estimator, with windows as wide as it takes."""
-    started = time.perf_counter()
-    calibration = calibrate(scene)
-    check_visible(calibration, f"scene {scene.name}")
     margin = 1
     while True:
-        tracer = Tracer(calibration, device, options, margin, rays=int(rays.max()))
-        built = time.perf_counter()
-        counts, fates = tracer.run(rays, progress, launch_rays)
+        started = time.perf_counter()
+        work = TraceWork(scene, options, margin, int(rays.max()))
+        prepared = time.perf_counter() - started
+        ran = place.run(work, rays, progress, launch_rays)
+        counts, fates = work.with_detected(*ran.sums, rays)
         if fates[Fate.OFF_WINDOW] == 0:
             break
         margin *= 2  # light fell beside a window: wider ones, from the start
         if margin > MAX_MARGIN:
             raise RuntimeError(f"{fates[Fate.OFF_WINDOW]} rays land where no chief ray says that light can come")
-    traced = time.perf_counter()
-    ledger = ledger_from(fates, int(rays.sum()) * tracer.streams)
-    seconds = {"build": built - started, "trace": traced - built, "kernels": tracer.kernel_seconds}
-    windows, facts = tracer.windows, device.describe()
+    ledger, windows = ledger_from(fates, int(rays.sum()) * work.streams), work.windows
+    seconds = ran.seconds | {"build": ran.seconds["build"] + prepared}
     if options.smoothing:
-        flux = line_flux(counts, windows, tracer.unit_w[:, 0], rays)
-        return LineLight(scene, options, facts, windows, flux, rays, ledger, seconds)
-    return Transport(scene, options, facts, windows, counts, tracer.unit_w, rays, ledger, seconds)
+        flux = line_flux(counts, windows, work.unit_w[:, 0], rays)
+        return LineLight(scene, options, ran.device, windows, flux, rays, ledger, seconds)
+    return Transport(scene, options, ran.device, windows, counts, work.unit_w, rays, ledger, seconds)
 
 
 def check_sequential(scene: Scene, estimator: str) -> None:
@@ -113,54 +119,42 @@ def check_sequential(scene: Scene, estimator: str) -> None:
     raise ValueError(f"scene {scene.name}: {what}: {must}")
 
 
-class Tracer:
-    """One estimator's kernel and buffers for one scene on one device, built and warm.
+class TraceWork:
+    """The rays of a forward or adjoint trace and what they fill, known without a device: a crew.Work.
 
-    margin: screen pixels that the windows are wider than the chief rays say. rays: that a stream is about to get, which
-    decides how they are best added up. width: rays side by side in a work-item,
-    None: the device's. accumulate: member of the accumulate_* kernel files, None: the device's. streams: sources of
-    rays (screen or detector pixels). unit_w: flux [W] of one count in a run of one ray per stream, broadcasting to
-    [n, window rows, window columns]. source: what was built. kernel_seconds: spent in kernels by `run` so far.
-
-    A runner.Job. Raises DeviceError if the device cannot build or hold it.
+    margin, rays, streams, unit_w: as of Tracer. sources: the kernel's emitters or receivers.
     """
 
-    def __init__(
-        self,
-        calibration: Calibration,
-        device: Device,
-        options: TraceOptions,
-        margin: int = 1,
-        rays: int = MAX_RAYS_PER_ITEM,
-        width: int | None = None,
-        accumulate: str | None = None,
-    ):
-        check_precision(device, options.precision)
-        check_sequential(calibration.scene, options.estimator)
-        self.options, self.scene, self.windows = options, calibration.scene, place_windows(calibration, margin)
-        self._detector_pixels = int(np.prod(calibration.shape))
-        packed = pack(calibration, options.precision)
-        sources, self.unit_w = self._sources(calibration)
-        rows, columns = self.windows.rows, self.windows.columns
-        self._bins = (columns + 2 + rows + 2,) if options.smoothing else (rows, columns)  # of a slot
-        self.streams, self.pace = len(sources), Pace()
+    def __init__(self, scene: Scene, options: TraceOptions, margin: int = 1, rays: int = MAX_RAYS_PER_ITEM):
+        check_sequential(scene, options.estimator)
+        calibration = calibrate(scene)
+        self.scene, self.options, self.margin, self.rays = scene, options, margin, rays
         self.max_rays_per_item, self.first_launch_rays = MAX_RAYS_PER_ITEM, FIRST_LAUNCH_RAYS
-        tile = LocalMemory(self._tile_bytes())
-        if accumulate is None:
-            fits = tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes, rays * TILE_BYTES_PER_RAY)
-            accumulate = "tile" if device.kind == "cpu" and fits else "atomic"
-        choices = packed.choices | {"sampler": options.sampler, "accumulate": accumulate}
-        width = width or device.vector_width(options.precision)
-        entry = "trace_lines" if options.smoothing else f"trace_{options.estimator}"
-        self.source = compose(f"{entry}.cl", choices, packed.structs, options.precision, width, packed.constants)
-        self._workspace = work = Workspace(device, self.source, entry)
-        self._counts = work.empty(8 * len(self.windows.pixels) * int(np.prod(self._bins)))
-        self._ledger = work.empty(8 * len(Fate))
-        lookup = [work.upload(array) for array in self._lookup()]
-        self._before = [work.upload(packed.scene)]
-        tile = tile if accumulate == "tile" else LocalMemory(8)
-        self._after = [work.upload(sources), *lookup, self._counts, self._ledger, tile]
-        self.launch(0, (0, 1, 0, 0))  # no rays: some drivers compile at the first launch
+        self.windows = place_windows(calibration, margin)
+        self.sources, self.unit_w = self._sources(calibration)
+        rows, columns = self.windows.rows, self.windows.columns
+        self.bins = (columns + 2 + rows + 2,) if options.smoothing else (rows, columns)  # of a slot
+        self.streams = len(self.sources)
+        self.sums_bytes = 8 * len(self.windows.pixels) * int(np.prod(self.bins))
+
+    def build(self, device: Device) -> Tracer:
+        return Tracer(calibrate(self.scene), device, self.options, self.margin, self.rays, work=self)
+
+    def wire(self) -> str:
+        return json.dumps({"scene": self.scene.to_toml(), "options": asdict(self.options), "margin": self.margin,
+                           "rays": self.rays})  # fmt: skip
+
+    @classmethod
+    def from_wire(cls, text: str) -> TraceWork:
+        data = json.loads(text)
+        return cls(parse_scene(data["scene"]), TraceOptions(**data["options"]), data["margin"], data["rays"])
+
+    def with_detected(self, counts: np.ndarray, fates: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The sums of a run of rays [replicates], those by fate [Fate] of all replicates and complete."""
+        fates = fates.sum(0)
+        if self.options.estimator == "adjoint":  # its windows hold weights, so the kernel counts only the others
+            fates[Fate.DETECTED] = int(rays.sum()) * self.streams - int(fates.sum())
+        return counts, fates
 
     def _sources(self, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
         """The kernel's emitters or receivers, and unit_w."""
@@ -177,6 +171,55 @@ class Tracer:
         unit = gain * area / camera.image_distance_mm**2 * cosine4(calibration, pixels) / WEIGHT_ONE
         made = line_receivers if self.options.smoothing else receivers
         return made(calibration, pixels, origins, self.options.precision), unit[:, None, None]
+
+
+class Tracer:
+    """One estimator's kernel and buffers for one scene on one device, built and warm.
+
+    margin: screen pixels that the windows are wider than the chief rays say. rays: that a stream is about to get, which
+    decides how they are best added up. width: rays side by side in a work-item, None: the device's. accumulate: member
+    of the accumulate_* kernel files, None: the device's. work: of the same, where there is one. streams: sources of
+    rays (screen or detector pixels). unit_w: flux [W] of one count in a run of one ray per stream, broadcasting to
+    [n, window rows, window columns]. source: what was built. kernel_seconds: spent in kernels by `run` so far.
+
+    A runner.Job. Raises DeviceError if the device cannot build or hold it.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        device: Device,
+        options: TraceOptions,
+        margin: int = 1,
+        rays: int = MAX_RAYS_PER_ITEM,
+        width: int | None = None,
+        accumulate: str | None = None,
+        work: TraceWork | None = None,
+    ):
+        check_precision(device, options.precision)
+        self._work = work or TraceWork(calibration.scene, options, margin, rays)
+        self.options, self.scene, self.windows = options, calibration.scene, self._work.windows
+        self._detector_pixels = int(np.prod(calibration.shape))
+        packed = pack(calibration, options.precision)
+        self.unit_w, self._bins, self.streams = self._work.unit_w, self._work.bins, self._work.streams
+        self.pace = Pace()
+        self.max_rays_per_item, self.first_launch_rays = self._work.max_rays_per_item, self._work.first_launch_rays
+        tile = LocalMemory(self._tile_bytes())
+        if accumulate is None:
+            fits = tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes, rays * TILE_BYTES_PER_RAY)
+            accumulate = "tile" if device.kind == "cpu" and fits else "atomic"
+        choices = packed.choices | {"sampler": options.sampler, "accumulate": accumulate}
+        width = width or device.vector_width(options.precision)
+        entry = "trace_lines" if options.smoothing else f"trace_{options.estimator}"
+        self.source = compose(f"{entry}.cl", choices, packed.structs, options.precision, width, packed.constants)
+        self._workspace = work = Workspace(device, self.source, entry)
+        self._counts = work.empty(self._work.sums_bytes)
+        self._ledger = work.empty(8 * len(Fate))
+        lookup = [work.upload(array) for array in self._lookup()]
+        self._before = [work.upload(packed.scene)]
+        tile = tile if accumulate == "tile" else LocalMemory(8)
+        self._after = [work.upload(self._work.sources), *lookup, self._counts, self._ledger, tile]
+        self.launch(0, (0, 1, 0, 0))  # no rays: some drivers compile at the first launch
 
     def _tile_bytes(self) -> int:
         """Local memory of a work-item that accumulates in a tile of its own."""
@@ -197,11 +240,7 @@ class Tracer:
 
         With smoothing, counts are second differences (see kernels/trace_lines.cl).
         """
-        counts, fates = run_rays(self, rays, progress, launch_rays)
-        fates = fates.sum(0)
-        if self.options.estimator == "adjoint":  # its windows hold weights, so the kernel counts only the others
-            fates[Fate.DETECTED] = int(rays.sum()) * self.streams - int(fates.sum())
-        return counts, fates
+        return self._work.with_detected(*run_rays(self, rays, progress, launch_rays), rays)
 
     def clear(self) -> None:
         for buffer in (self._counts, self._ledger):

@@ -19,7 +19,7 @@ from significance import poisson_ratio_p, sidak_p, sidak_z
 from irtscots_cl import nonsequential
 from irtscots_cl.analytic import trace_analytic
 from irtscots_cl.element import Element
-from irtscots_cl.nonsequential import Kept, PathTracer, trace_paths
+from irtscots_cl.nonsequential import Kept, PathTracer, ends_of, trace_paths
 from irtscots_cl.options import NONSEQUENTIAL, TraceOptions
 from irtscots_cl.paths import KINDS
 from irtscots_cl.patterns import LineScan
@@ -467,7 +467,7 @@ def test_rays_are_given_up_at_the_bounce_limit(device):
     for limit in (1, 2, 3):
         tracer = PathTracer(scene, device, options, limit, 0.1)
         _, sums = tracer.run(np.array([512]), Kept((), ()))
-        ends.append(tracer.ends(sums, 512 * tracer.streams))
+        ends.append(ends_of(sums, tracer.parts, 512 * tracer.streams))
     one, two, three = ends
     assert (one["detected"], two["detected"]) == (0, 0)
     assert three["detected"] > 0 and three["bounce limit"] == 0

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 
 from irtscots_cl.cli.common import (
-    DEVICE_HELP,
+    DASK_HELP,
+    DEVICES_HELP,
     add_scene,
     command,
+    place,
     print_json,
     print_tables,
     progress_bar,
@@ -45,20 +47,20 @@ def add(commands) -> None:
         help="chance of a reflection at an interface, however small its share of the light: more of it, more rays "
         "on ghosts; default 0.1",
     )
-    parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
+    parser.add_argument("--device", metavar="D", help=DEVICES_HELP)
+    parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
 
 
 def _execute(options: argparse.Namespace) -> int:
     scene = visible_scene(options.scene)
-    from irtscots_cl.device import select_device
     from irtscots_cl.nonsequential import trace_paths
     from irtscots_cl.report import path_facts, path_tables
     from irtscots_cl.straylight import stray_light
 
-    with progress_bar() as progress:
+    with place(options) as where, progress_bar() as progress:
         light = trace_paths(
             scene,
-            device=select_device(options.device),
+            **where,
             sampler=options.sampler,
             precision=options.precision,
             rays_per_pixel=options.rays_per_pixel,

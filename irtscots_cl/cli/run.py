@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import nullcontext
 from pathlib import Path
 
 from irtscots_cl.cli.common import (
+    DASK_HELP,
     DEFAULTS,
+    DEVICES_HELP,
     add_measure,
     add_scene,
     add_trace_choices,
     choices,
     command,
+    place,
     print_json,
     print_tables,
     progress_bar,
@@ -32,7 +36,8 @@ def add(commands) -> None:
     )
     add_scene(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME")
-    add_trace_choices(parser)
+    add_trace_choices(parser, DEVICES_HELP)
+    parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
     add_measure(parser)
     parser.add_argument(
         "--rays-per-pixel",
@@ -111,6 +116,8 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
     if options.target_nm is not None:
         for name in choices(options, RAYS):
             raise ValueError(f"--{name.replace('_', '-')}: --target-nm chooses it; must not be given too")
+        if options.dask is not None:
+            raise ValueError("--dask: must be left out with --target-nm, whose pilot runs are timed on one device")
         from irtscots_cl.targets import check_target
 
         check_target(options.target_nm, wanted["estimator"])
@@ -132,17 +139,17 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
 
 def _simulate(scene, options: argparse.Namespace, given: dict):
     """Run as the options say."""
-    from irtscots_cl.device import select_device
+    from irtscots_cl.cluster import place_of
     from irtscots_cl.options import ANALYTIC
     from irtscots_cl.pipeline import simulate
-    from irtscots_cl.precision import check_precision_of_scene
+    from irtscots_cl.precision import check_precision_on
 
-    wanted, device = DEFAULTS | RAYS | given, None
-    if wanted["estimator"] != ANALYTIC:
-        device = select_device(options.device)
-        check_precision_of_scene(scene, device, wanted["precision"], options.scene)
-    with progress_bar() as progress:
-        return simulate(scene, device=device, progress=progress, seed=options.seed, parts=options.parts, **wanted)
+    wanted = DEFAULTS | RAYS | given
+    with nullcontext({}) if wanted["estimator"] == ANALYTIC else place(options) as where:
+        if where:
+            place_of(**where).call(check_precision_on, scene.to_toml(), wanted["precision"], options.scene)
+        with progress_bar() as progress:
+            return simulate(scene, progress=progress, seed=options.seed, parts=options.parts, **where, **wanted)
 
 
 def _reach(scene, options: argparse.Namespace, given: dict):

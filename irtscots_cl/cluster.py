@@ -1,0 +1,289 @@
+"""A trace on many machines: the workers of a Dask cluster trace parts of it (tasks.py) and add them up.
+
+Sums go from worker to worker, FAN_IN at a time, and the client fetches one of each replicate: the scheduler sees no
+image. As they are whole numbers, results depend neither on how the rays are cut nor on how many workers there are.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from queue import Empty, SimpleQueue
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from irtscots_cl.crew import Devices, Place, Ran, Work
+from irtscots_cl.device import Device, DeviceError, describe_together, select_devices
+from irtscots_cl.launches import plan_launches
+from irtscots_cl.tasks import (
+    CodeError,
+    Part,
+    WorkerError,
+    add_up,
+    call_on_device,
+    code_differs,
+    code_hash,
+    greet,
+    merged,
+    speed_of,
+    trace_part,
+)
+
+TASK_SECONDS = 4.0  # of a task: long beside what the scheduler does for it, short beside what a lost worker costs
+LEAST_TASK_SECONDS = 0.25  # near the end, when what is left is shared out
+SUM_BYTES_PER_SECOND = 1e7  # of a worker's sums: larger ones make longer tasks, so that the network keeps up
+FAN_IN = 8  # sums that a worker adds up at a time
+TASKS_PER_THREAD = 2  # in flight, so that a worker need not wait for the next one
+TIMED_TASKS = 32  # whose speed is asked for
+WAIT_SECONDS = 60.0  # for a worker, where there is none
+GREET_SECONDS = 60.0  # for workers to say what they are
+POLL_SECONDS = 1.0  # between looks at which workers there are
+log = logging.getLogger(__name__)
+
+
+
+def place_of(device: Device | Sequence[Device] | None, client=None) -> Place:
+    """Where to trace: a distributed.Client's workers, one device, several, or those that select_devices takes."""
+    if client is not None:
+        if device is not None:
+            raise ValueError("device: must be left out with a client; its workers choose theirs by IRTSCOTS_DEVICE")
+        return Cluster(client)
+    if device is None:
+        return Devices(select_devices())
+    return Devices([device] if isinstance(device, Device) else device)
+
+
+def connect(address: str):
+    """The distributed.Client of a scheduler; ValueError of one line if there is none."""
+    try:
+        from distributed import Client
+    except ModuleNotFoundError:
+        raise ValueError(f"--dask = {address!r}: needs Dask: pip install 'irtscots-cl[dask]'") from None
+    try:
+        return Client(address, timeout=10, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        must = "must be the address of a Dask scheduler, such as tcp://host:8786"
+        raise ValueError(f"--dask = {address!r}: no scheduler answers: {reason}; {must}") from None
+
+
+class Cluster:
+    """The workers of a Dask cluster as a crew.Place: those that there are, and those that join.
+
+    A worker whose devices fail is left out, and the log says so. Raises CodeError if a worker runs other code, and
+    DeviceError if there is no worker for WAIT_SECONDS, or all have failed.
+    """
+
+    def __init__(self, client):
+        self.client, self.failed = client, {}
+        self._wait_for_workers()
+        self._greet_workers()
+
+    def run(self, work: Work, rays: np.ndarray, progress=None, launch_rays: int | None = None) -> Ran:
+        """launch_rays: rays of a task, instead of timing."""
+        started = time.perf_counter()
+        run = _Run(self, work, rays, progress, launch_rays)
+        try:
+            run.finish()
+        finally:
+            run.cancel()
+        ran = [{"worker": address} | of_one for address, of_one in sorted(run.ran.items())]
+        kernels = sum(of_one["kernels"] for of_one in ran) / len(ran)
+        seconds = {"build": 0.0, "trace": time.perf_counter() - started, "kernels": kernels}
+        return Ran(tuple(run.sums), describe_together([of_one["device"] for of_one in ran]) | {"workers": ran}, seconds)
+
+    def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        while True:
+            future = self.submit(call_on_device, code_hash(), function, arguments)
+            try:
+                return future.result()
+            except WorkerError as error:
+                self.leave_out(error)
+
+    def submit(self, function: Callable, *arguments: Any, priority: int = 0):
+        """The future of a task on any worker that has not failed."""
+        only = list(self.usable()) if self.failed else None
+        return self.client.submit(function, *arguments, pure=False, priority=priority, workers=only)
+
+    def usable(self) -> dict[str, int]:
+        """Threads of the workers that are there and have not failed; DeviceError if that is not known."""
+        try:
+            found = self.client.nthreads()
+        except (OSError, TimeoutError) as error:
+            raise self.lost(error) from None
+        return {address: threads for address, threads in found.items() if address not in self.failed}
+
+    def leave_out(self, error: WorkerError) -> None:
+        """No more tasks for that worker; DeviceError if none is left."""
+        if error.worker not in self.failed:
+            log.warning("left out: worker %s: %s", error.worker, error.line)
+        self.failed[error.worker] = error.line
+        if not self.usable():
+            raise DeviceError(f"--dask: all workers failed: worker {error.worker}: {error.line}")
+
+    def lost(self, reason: object = "") -> DeviceError:
+        return DeviceError(f"--dask: the scheduler is gone{f': {reason}' if str(reason) else ''}")
+
+    def _wait_for_workers(self) -> None:
+        try:
+            self.client.wait_for_workers(1, timeout=WAIT_SECONDS)
+        except TimeoutError:
+            raise DeviceError(f"--dask: no worker came within {WAIT_SECONDS:g} s") from None
+
+    def _greet_workers(self) -> None:
+        for address, said in self.client.run(greet, on_error="return").items():
+            if isinstance(said, BaseException):
+                raise CodeError(f"--dask: worker {address} cannot run irtscots-cl: {type(said).__name__}: {said}")
+            if said["code"] != code_hash():
+                raise CodeError(code_differs(address))
+            if said["unusable"]:
+                self.leave_out(WorkerError(address, said["unusable"]))
+
+
+class _Run:
+    """One run of a work's rays: parts in flight, their partial sums, the replicates' totals.
+
+    sums: the result, as runner.run_rays has it. ran: address -> rays, tasks, seconds, kernels, device.
+    """
+
+    def __init__(self, cluster: Cluster, work: Work, rays: np.ndarray, progress, task_rays: int | None):
+        self._cluster, self._work, self._progress, self._task_rays = cluster, work, progress, task_rays
+        self._code, self._kind, self._wire = code_hash(), type(work), work.wire()
+        self._left = [int(of_stream) * work.streams for of_stream in rays]  # rays of each replicate to be traced
+        self._total, self._to_cut, self._speeds = sum(self._left), sum(self._left), []
+        self._parts, self._again = self._cut(rays), []
+        self._levels: list[list[list]] = [[] for _ in rays]  # of each replicate: sums of FAN_IN^level parts
+        self._out: dict[str, tuple[Any, Callable, tuple]] = {}  # key -> future, what then, with what
+        self._done, self._polled, self._seen, self._parts_out = SimpleQueue(), 0.0, time.monotonic(), 0
+        self._threads: dict[str, int] = {}
+        self._totals_missing, self.sums, self.ran = len(rays), [], {}
+
+    def finish(self) -> None:
+        """Run to the end. Raises as Cluster says."""
+        while self._totals_missing:
+            self._look_at_workers()
+            self._top_up()
+            try:
+                key = self._done.get(timeout=POLL_SECONDS)
+            except Empty:
+                continue
+            if key in self._out:
+                future, then, arguments = self._out.pop(key)
+                then(future, *arguments)
+
+    def cancel(self) -> None:
+        """Take back what has not run."""
+        futures = [future for future, _, _ in self._out.values()]
+        if futures and self._cluster.client.status == "running":
+            self._cluster.client.cancel(futures)
+
+    # parts of the rays
+
+    def _cut(self, rays: np.ndarray):
+        for replicate, of_stream in enumerate(rays):
+            cuts = plan_launches(self._work.streams, int(of_stream), self._next_rays, self._work.max_rays_per_item)
+            for part in cuts:
+                self._to_cut -= part[1] * part[3]
+                yield replicate, part
+
+    def _next_rays(self) -> int:
+        """Rays of the next part: some seconds' worth, less near the end, little before a speed is known."""
+        if self._task_rays is not None:
+            return self._task_rays
+        share = self._to_cut // (TASKS_PER_THREAD * max(1, sum(self._threads.values()))) + 1
+        if not self._speeds:
+            return min(self._work.first_launch_rays, share)
+        speed = median(self._speeds)
+        seconds = max(TASK_SECONDS, self._work.sums_bytes / SUM_BYTES_PER_SECOND)
+        return int(min(speed * seconds, max(share, speed * LEAST_TASK_SECONDS))) + 1
+
+    def _top_up(self) -> None:
+        threads = sum(self._threads.values())
+        most = threads * (TASKS_PER_THREAD if self._speeds else 1)
+        while self._parts_out < most:
+            entry = self._again.pop() if self._again else next(self._parts, None)
+            if entry is None:
+                return
+            replicate, part = entry
+            future = self._cluster.submit(trace_part, self._code, self._kind, self._wire, replicate, part)
+            self._parts_out += 1
+            self._watch(future, self._traced, replicate, part)
+
+    def _watch(self, future, then: Callable, *arguments: Any) -> None:
+        self._out[future.key] = future, then, arguments
+        future.add_done_callback(lambda done: self._done.put(done.key))
+
+    def _traced(self, future, replicate: int, part: Part) -> None:
+        self._parts_out -= 1
+        if not self._is_well(future):
+            self._again.append((replicate, part))
+            return
+        if len(self._speeds) < TIMED_TASKS and self._task_rays is None:
+            self._watch(self._cluster.client.submit(speed_of, future, pure=False, priority=2), self._timed)
+        self._left[replicate] -= part[1] * part[3]
+        if self._progress is not None:
+            self._progress(self._total - sum(self._left), self._total)
+        self._add(replicate, 0, future)
+        if not self._left[replicate]:
+            rest = [of_level for level in self._levels[replicate] for of_level in level]
+            self._levels[replicate] = []
+            total = self._cluster.client.submit(add_up, *rest, pure=False, priority=1) if len(rest) > 1 else rest[0]
+            self._watch(total, self._totalled, replicate)
+
+    def _add(self, replicate: int, level: int, future) -> None:
+        """A partial sum more; full levels are added up at once, before further parts are traced."""
+        levels = self._levels[replicate]
+        if level == len(levels):
+            levels.append([])
+        levels[level].append(future)
+        if len(levels[level]) == FAN_IN:
+            full, levels[level] = levels[level], []
+            self._add(replicate, level + 1, self._cluster.client.submit(add_up, *full, pure=False, priority=1))
+
+    def _timed(self, future) -> None:
+        if future.status == "finished":
+            self._speeds.append(future.result())
+
+    def _totalled(self, future, replicate: int) -> None:
+        if not self._is_well(future):  # sums that a lost worker had are traced again: where that failed, once more
+            self._cluster.client.retry([future])
+            self._watch(future, self._totalled, replicate)
+            return
+        found = self._cluster.client.gather(future, direct=True)
+        self.sums = self.sums or [np.empty((len(self._left), *a.shape), a.dtype) for a in found["sums"]]
+        for all_of, array in zip(self.sums, found["sums"], strict=True):
+            all_of[replicate] = array
+        self.ran = merged(self.ran, found["ran"])
+        self._totals_missing -= 1
+
+    # what goes wrong
+
+    def _is_well(self, future) -> bool:
+        """Whether a future has a result; False if its worker failed and is left out. Raises what is worse."""
+        if future.status == "finished":
+            return True
+        if future.status != "error":
+            raise self._cluster.lost()
+        error = future.exception()
+        if isinstance(error, WorkerError):
+            self._cluster.leave_out(error)
+            self._polled = 0.0
+            return False
+        if type(error).__name__ == "KilledWorker":
+            reason = str(error).splitlines()[0]
+            raise DeviceError(f"--dask: workers died one after the other at the same task: {reason}")
+        raise error
+
+    def _look_at_workers(self) -> None:
+        """Every POLL_SECONDS: which workers are there; DeviceError where none was for WAIT_SECONDS."""
+        now = time.monotonic()
+        if now - self._polled < POLL_SECONDS:
+            return
+        self._threads, self._polled = self._cluster.usable(), now
+        if self._threads:
+            self._seen = now
+        elif now - self._seen > WAIT_SECONDS:
+            raise DeviceError(f"--dask: no worker for {WAIT_SECONDS:g} s")
