@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from irtscots_cl.crew import Devices, Place, Ran, Work
+from irtscots_cl.crew import Devices, Site, Ran, Work
 from irtscots_cl.device import Device, DeviceError, describe_together, select_devices
 from irtscots_cl.launches import plan_launches
 from irtscots_cl.tasks import (
@@ -45,7 +45,7 @@ log = logging.getLogger(__name__)
 
 
 
-def place_of(device: Device | Sequence[Device] | None, client=None) -> Place:
+def site_of(device: Device | Sequence[Device] | None, client=None) -> Site:
     """Where to trace: a distributed.Client's workers, one device, several, or those that select_devices takes."""
     if client is not None:
         if device is not None:
@@ -71,7 +71,7 @@ def connect(address: str):
 
 
 class Cluster:
-    """The workers of a Dask cluster as a crew.Place: those that there are, and those that join.
+    """The workers of a Dask cluster as a crew.Site: those that there are, and those that join.
 
     A worker whose devices fail is left out, and the log says so. Raises CodeError if a worker runs other code, and
     DeviceError if there is no worker for WAIT_SECONDS, or all have failed.

@@ -54,7 +54,7 @@ class Ran:
     seconds: dict[str, float]
 
 
-class Place(Protocol):
+class Site(Protocol):
     """Where rays can run."""
 
     def run(
@@ -71,7 +71,7 @@ class Place(Protocol):
 
 
 class Devices:
-    """The devices of this machine that a user chose, as a Place."""
+    """The devices of this machine that a user chose, as a Site."""
 
     def __init__(self, devices: Sequence[Device]):
         self._devices = tuple(devices)

@@ -12,7 +12,7 @@ import numpy as np
 
 from irtscots_cl.aiming import emitters
 from irtscots_cl.calibration import calibrate, check_visible
-from irtscots_cl.cluster import place_of
+from irtscots_cl.cluster import site_of
 from irtscots_cl.device import Device
 from irtscots_cl.execution import Workspace
 from irtscots_cl.interface import PATH, PRECISIONS, element_dtype, path_job_dtype
@@ -69,15 +69,15 @@ def trace_paths(
         raise ValueError(f"--least-chance = {least_chance}: must be 0 to 0.5")
     rays = share_rays(rays_per_pixel, replicates)
     started = time.perf_counter()
-    work, place = PathWork(scene, options, bounce_limit, least_chance), place_of(device, client)
-    kept = Kept(*map(tuple, place.call(find_paths, work.wire())))
+    work, site = PathWork(scene, options, bounce_limit, least_chance), site_of(device, client)
+    kept = Kept(*map(tuple, site.call(find_paths, work.wire())))
     if not kept.codes:
         raise SceneError(
             f"scene {scene.name}: detector: no path from the screen reaches it; must be reached by one of "
             f"{max(PILOT_RAYS // work.streams, 16) * work.streams} rays that look for paths"
         )
     found = time.perf_counter() - started
-    ran = place.run(work.keeping(kept), rays, progress)
+    ran = site.run(work.keeping(kept), rays, progress)
     images, sums = ran.sums
     seconds = ran.seconds | {"build": ran.seconds["build"] + found}
     ends = ends_of(sums, work.parts, int(rays.sum()) * work.streams)

@@ -46,7 +46,7 @@ def rounding_slope_urad(scene: Scene, device: Device, precision: str) -> float:
 
 
 def check_precision_on(device: Device, scene_toml: str, precision: str, source: str) -> None:
-    """check_precision_of_scene of a scene as TOML text, for places that are called with plain values (crew.Place)."""
+    """check_precision_of_scene of a scene as TOML text, for places that are called with plain values (crew.Site)."""
     check_precision_of_scene(parse_scene(scene_toml), device, precision, source)
 
 

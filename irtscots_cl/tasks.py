@@ -93,7 +93,7 @@ def speed_of(found: dict[str, Any]) -> float:
 
 
 def call_on_device(code: str, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
-    """The task that is Place.call."""
+    """The task that is Site.call."""
     address = _check_code(code)
     try:
         with _guard:

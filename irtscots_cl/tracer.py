@@ -12,8 +12,8 @@ import numpy as np
 from irtscots_cl.aiming import emitters
 from irtscots_cl.analytic import trace_analytic
 from irtscots_cl.calibration import Calibration, calibrate, check_visible
-from irtscots_cl.cluster import place_of
-from irtscots_cl.crew import Place
+from irtscots_cl.cluster import site_of
+from irtscots_cl.crew import Site
 from irtscots_cl.device import Device
 from irtscots_cl.execution import LocalMemory, Workspace
 from irtscots_cl.interface import WEIGHT_ONE, Fate
@@ -80,17 +80,17 @@ def trace(
             f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 for each replicate"
         )
     check_visible(calibrate(scene), f"scene {scene.name}")
-    return _trace_rays(scene, place_of(device, client), options, rays, progress, launch_rays)
+    return _trace_rays(scene, site_of(device, client), options, rays, progress, launch_rays)
 
 
-def _trace_rays(scene: Scene, place: Place, options: TraceOptions, rays: np.ndarray, progress, launch_rays):
+def _trace_rays(scene: Scene, site: Site, options: TraceOptions, rays: np.ndarray, progress, launch_rays):
     """The forward or the adjoint estimator, with windows as wide as it takes."""
     margin = 1
     while True:
         started = time.perf_counter()
         work = TraceWork(scene, options, margin, int(rays.max()))
         prepared = time.perf_counter() - started
-        ran = place.run(work, rays, progress, launch_rays)
+        ran = site.run(work, rays, progress, launch_rays)
         counts, fates = work.with_detected(*ran.sums, rays)
         if fates[Fate.OFF_WINDOW] == 0:
             break

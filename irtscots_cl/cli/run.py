@@ -139,7 +139,7 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
 
 def _simulate(scene, options: argparse.Namespace, given: dict):
     """Run as the options say."""
-    from irtscots_cl.cluster import place_of
+    from irtscots_cl.cluster import site_of
     from irtscots_cl.options import ANALYTIC
     from irtscots_cl.pipeline import simulate
     from irtscots_cl.precision import check_precision_on
@@ -147,7 +147,7 @@ def _simulate(scene, options: argparse.Namespace, given: dict):
     wanted = DEFAULTS | RAYS | given
     with nullcontext({}) if wanted["estimator"] == ANALYTIC else place(options) as where:
         if where:
-            place_of(**where).call(check_precision_on, scene.to_toml(), wanted["precision"], options.scene)
+            site_of(**where).call(check_precision_on, scene.to_toml(), wanted["precision"], options.scene)
         with progress_bar() as progress:
             return simulate(scene, progress=progress, seed=options.seed, parts=options.parts, **where, **wanted)
 
