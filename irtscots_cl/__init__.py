@@ -12,8 +12,8 @@ Map of the files, in layers; a file imports only from files above it:
     surface, calibration                                  what is tested, with what, and its chief rays
     pixelmap, cells, pixellight                           a detector pixel's light in closed form
     interface, device, program, execution                 OpenCL: no other file imports pyopencl
-    windows, samplers, options, launches, aiming,
-    packing, transport, analytic, parts, paths,
+    windows, samplers, options, launches, checkpoint,
+    runner, aiming, packing, transport, analytic, parts, paths,
     nonsequential, tracer, probes, precision              scene + device -> Transport, light curves, light by path
     images, patterns                                      Transport -> image stack
     lightcurves, centroids, profiles, slopes,

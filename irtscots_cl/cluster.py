@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from irtscots_cl.crew import Devices, Site, Ran, Work
+from irtscots_cl.checkpoint import KeptTrace
+from irtscots_cl.crew import Devices, Ran, Site, Work, differing
 from irtscots_cl.device import Device, DeviceError, describe_together, select_devices
-from irtscots_cl.launches import plan_launches
+from irtscots_cl.launches import Place, plan_launches
 from irtscots_cl.tasks import (
     CodeError,
     Part,
@@ -26,6 +27,7 @@ from irtscots_cl.tasks import (
     call_on_device,
     code_differs,
     code_hash,
+    facts_of,
     greet,
     merged,
     speed_of,
@@ -38,8 +40,8 @@ SUM_BYTES_PER_SECOND = 1e7  # of a worker's sums: larger ones make longer tasks,
 FAN_IN = 8  # sums that a worker adds up at a time
 TASKS_PER_THREAD = 2  # in flight, so that a worker need not wait for the next one
 TIMED_TASKS = 32  # whose speed is asked for
+CONNECT_SECONDS = 10.0
 WAIT_SECONDS = 60.0  # for a worker, where there is none
-GREET_SECONDS = 60.0  # for workers to say what they are
 POLL_SECONDS = 1.0  # between looks at which workers there are
 log = logging.getLogger(__name__)
 
@@ -63,7 +65,7 @@ def connect(address: str):
     except ModuleNotFoundError:
         raise ValueError(f"--dask = {address!r}: needs Dask: pip install 'irtscots-cl[dask]'") from None
     try:
-        return Client(address, timeout=10, set_as_default=False)
+        return Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         must = "must be the address of a Dask scheduler, such as tcp://host:8786"
@@ -78,22 +80,25 @@ class Cluster:
     """
 
     def __init__(self, client):
-        self.client, self.failed = client, {}
+        self.client, self.failed, self._about, self._devices = client, {}, {}, {}
         self._wait_for_workers()
         self._greet_workers()
 
-    def run(self, work: Work, rays: np.ndarray, progress=None, launch_rays: int | None = None) -> Ran:
-        """launch_rays: rays of a task, instead of timing."""
+    def run(self, work: Work, rays: np.ndarray, progress=None, launch_rays=None, kept: KeptTrace | None = None) -> Ran:
+        """launch_rays: rays of a task, instead of timing. kept: gets whole replicates, in their order."""
         started = time.perf_counter()
-        run = _Run(self, work, rays, progress, launch_rays)
+        run = _Run(self, work, rays, progress, launch_rays, kept)
         try:
             run.finish()
         finally:
             run.cancel()
         ran = [{"worker": address} | of_one for address, of_one in sorted(run.ran.items())]
-        kernels = sum(of_one["kernels"] for of_one in ran) / len(ran)
-        seconds = {"build": 0.0, "trace": time.perf_counter() - started, "kernels": kernels}
-        return Ran(tuple(run.sums), describe_together([of_one["device"] for of_one in ran]) | {"workers": ran}, seconds)
+        seconds = {"build": 0.0, "trace": time.perf_counter() - started, "kernels": run.kernel_seconds}
+        devices = [of_one["device"] for of_one in ran] or list(self._devices.values())  # all was kept from before
+        return Ran(run.sums, describe_together(devices) | {"workers": ran}, seconds)
+
+    def about(self) -> dict[str, str]:
+        return differing(list(self._about.values()))
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
         while True:
@@ -141,6 +146,8 @@ class Cluster:
                 raise CodeError(code_differs(address))
             if said["unusable"]:
                 self.leave_out(WorkerError(address, said["unusable"]))
+            else:
+                self._about[address], self._devices[address] = said["about"], said["device"]
 
 
 class _Run:
@@ -149,21 +156,32 @@ class _Run:
     sums: the result, as runner.run_rays has it. ran: address -> rays, tasks, seconds, kernels, device.
     """
 
-    def __init__(self, cluster: Cluster, work: Work, rays: np.ndarray, progress, task_rays: int | None):
+    def __init__(self, cluster: Cluster, work: Work, rays: np.ndarray, progress, task_rays: int | None, kept):
         self._cluster, self._work, self._progress, self._task_rays = cluster, work, progress, task_rays
-        self._code, self._kind, self._wire = code_hash(), type(work), work.wire()
-        self._left = [int(of_stream) * work.streams for of_stream in rays]  # rays of each replicate to be traced
-        self._total, self._to_cut, self._speeds = sum(self._left), sum(self._left), []
-        self._parts, self._again = self._cut(rays), []
+        self._code, self._kind, self._wire, self._kept = code_hash(), type(work), work.wire(), kept
+        self.sums = tuple(np.zeros((len(rays), *shape), np.uint64) for shape in work.sums_shapes)
+        self._place, self._end = Place(), Place(len(rays))  # all before the place is in the sums
+        if kept is not None:
+            facts = cluster.call(facts_of, self._kind, self._wire)
+            self._place = kept.begin(facts, rays, work.streams, work.max_rays_per_item, self.sums)
+        self._total, self._speeds, self._again = int(rays.sum()) * work.streams, [], []
+        before = self._place.rays_before(rays, work.streams)
+        self._to_cut, self._left = self._total - before, []  # rays not yet cut into parts, not yet traced by replicate
+        for whole in (int(of_stream) * work.streams for of_stream in rays):
+            self._left.append(whole - min(before, whole))
+            before -= min(before, whole)
+        self._parts = self._cut(rays)
         self._levels: list[list[list]] = [[] for _ in rays]  # of each replicate: sums of FAN_IN^level parts
         self._out: dict[str, tuple[Any, Callable, tuple]] = {}  # key -> future, what then, with what
         self._done, self._polled, self._seen, self._parts_out = SimpleQueue(), 0.0, time.monotonic(), 0
         self._threads: dict[str, int] = {}
-        self._totals_missing, self.sums, self.ran = len(rays), [], {}
+        self._complete, self.ran = set(), {}
 
     def finish(self) -> None:
         """Run to the end. Raises as Cluster says."""
-        while self._totals_missing:
+        while self._place != self._end:
+            if self._kept is not None and self._kept.ends:
+                self._kept.launched(self._place, self.kernel_seconds, lambda: None)
             self._look_at_workers()
             self._top_up()
             try:
@@ -173,6 +191,13 @@ class _Run:
             if key in self._out:
                 future, then, arguments = self._out.pop(key)
                 then(future, *arguments)
+        if self._kept is not None:
+            self._kept.ended(self._place, self.kernel_seconds)
+
+    @property
+    def kernel_seconds(self) -> float:
+        """Mean over the workers."""
+        return sum(of_one["kernels"] for of_one in self.ran.values()) / max(1, len(self.ran))
 
     def cancel(self) -> None:
         """Take back what has not run."""
@@ -183,11 +208,12 @@ class _Run:
     # parts of the rays
 
     def _cut(self, rays: np.ndarray):
-        for replicate, of_stream in enumerate(rays):
-            cuts = plan_launches(self._work.streams, int(of_stream), self._next_rays, self._work.max_rays_per_item)
-            for part in cuts:
+        streams, per_item, start = self._work.streams, self._work.max_rays_per_item, self._place
+        for replicate in range(start.replicate, len(rays)):
+            for part in plan_launches(streams, int(rays[replicate]), self._next_rays, per_item, start):
                 self._to_cut -= part[1] * part[3]
                 yield replicate, part
+            start = Place()
 
     def _next_rays(self) -> int:
         """Rays of the next part: some seconds' worth, less near the end, little before a speed is known."""
@@ -197,7 +223,8 @@ class _Run:
         if not self._speeds:
             return min(self._work.first_launch_rays, share)
         speed = median(self._speeds)
-        seconds = max(TASK_SECONDS, self._work.sums_bytes / SUM_BYTES_PER_SECOND)
+        sums_bytes = 8 * sum(int(np.prod(shape)) for shape in self._work.sums_shapes)
+        seconds = max(TASK_SECONDS, sums_bytes / SUM_BYTES_PER_SECOND)
         return int(min(speed * seconds, max(share, speed * LEAST_TASK_SECONDS))) + 1
 
     def _top_up(self) -> None:
@@ -253,11 +280,14 @@ class _Run:
             self._watch(future, self._totalled, replicate)
             return
         found = self._cluster.client.gather(future, direct=True)
-        self.sums = self.sums or [np.empty((len(self._left), *a.shape), a.dtype) for a in found["sums"]]
         for all_of, array in zip(self.sums, found["sums"], strict=True):
-            all_of[replicate] = array
+            all_of[replicate] += array
         self.ran = merged(self.ran, found["ran"])
-        self._totals_missing -= 1
+        self._complete.add(replicate)
+        while self._place.replicate in self._complete:
+            self._place = Place(self._place.replicate + 1)
+        if self._kept is not None and self._place != self._end:
+            self._kept.launched(self._place, self.kernel_seconds, lambda: None)
 
     # what goes wrong
 

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from irtscots_cl.checkpoint import KeptTrace
 from irtscots_cl.device import Device, DeviceError, describe_together
 from irtscots_cl.launches import Pace
 from irtscots_cl.runner import Job, run_rays
@@ -24,14 +25,14 @@ log = logging.getLogger(__name__)
 class Work(Protocol):
     """The rays of a trace and what they fill, known without a device.
 
-    streams, max_rays_per_item, first_launch_rays: as of a runner.Job. sums_bytes: size of a job's sums. wire: all of it
-    as text, for another process.
+    streams, max_rays_per_item, first_launch_rays: as of a runner.Job. sums_shapes: of its sums, which are uint64. wire:
+    all of it as text, for another process.
     """
 
     streams: int
     max_rays_per_item: int
     first_launch_rays: int
-    sums_bytes: int
+    sums_shapes: tuple[tuple[int, ...], ...]
 
     def build(self, device: Device) -> Job:
         """Its job on a device; raises DeviceError if the device cannot build or hold it."""
@@ -63,8 +64,12 @@ class Site(Protocol):
         rays: np.ndarray,
         progress: Callable[[int, int], None] | None = None,
         launch_rays: int | None = None,
+        kept: KeptTrace | None = None,
     ) -> Ran:
         """As runner.run_rays, of the work's job."""
+
+    def about(self) -> dict[str, str]:
+        """{"device", "driver"}: the names of the different ones."""
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """function(device, *arguments) on its first device; plain arguments and results, a function of a module."""
@@ -76,17 +81,26 @@ class Devices:
     def __init__(self, devices: Sequence[Device]):
         self._devices = tuple(devices)
 
-    def run(self, work: Work, rays: np.ndarray, progress=None, launch_rays: int | None = None) -> Ran:
+    def run(self, work: Work, rays: np.ndarray, progress=None, launch_rays=None, kept=None) -> Ran:
         started = time.perf_counter()
         with together(self._devices, work.build) as (job, facts):
             built = time.perf_counter()
-            sums = run_rays(job, rays, progress, launch_rays)
+            sums = run_rays(job, rays, progress, launch_rays, kept)
             traced = time.perf_counter()
             seconds = {"build": built - started, "trace": traced - built, "kernels": job.pace.kernel_seconds}
             return Ran(sums, facts(), seconds)
 
+    def about(self) -> dict[str, str]:
+        return differing([{"device": device.name, "driver": device.driver} for device in self._devices])
+
     def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
         return function(self._devices[0], *arguments)
+
+
+def differing(several: list[dict]) -> dict:
+    """Of many, each key with the one value that all have, or all the different values as text."""
+    values = {key: sorted({str(each[key]) for each in several}) for key in several[0]}
+    return {key: several[0][key] if len(found) == 1 else " + ".join(found) for key, found in values.items()}
 
 
 class together:  # noqa: N801  used as a function: `with together(devices, build) as (job, facts):`
@@ -141,7 +155,7 @@ class Crew:
         self._members, first = list(members), members[0].job
         self.streams, self.max_rays_per_item = first.streams, first.max_rays_per_item
         self.first_launch_rays = sum(member.job.first_launch_rays for member in members)
-        self.pace = Pace()
+        self.pace, self.facts = Pace(), differing([member.job.facts for member in members])
         self._taken: tuple[np.ndarray, ...] | None = None  # sums of what is no longer on the devices
         self._todo: list[tuple[int, tuple[int, int, int, int]]] = []
         self._lock, self._pool = threading.Lock(), ThreadPoolExecutor(len(members))

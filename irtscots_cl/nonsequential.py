@@ -12,6 +12,7 @@ import numpy as np
 
 from irtscots_cl.aiming import emitters
 from irtscots_cl.calibration import calibrate, check_visible
+from irtscots_cl.checkpoint import Keeper, KeptTrace, hash_of, trace_facts
 from irtscots_cl.cluster import site_of
 from irtscots_cl.device import Device
 from irtscots_cl.execution import Workspace
@@ -55,6 +56,7 @@ def trace_paths(
     bounce_limit: int = MAX_EVENTS,
     least_chance: float = LEAST_CHANCE,
     progress: Callable[[int, int], None] | None = None,
+    keeper: Keeper | None = None,
 ) -> PathLight:
     """Trace rays_per_pixel rays per screen pixel, aimed at the mirror, from element to element to their ends.
 
@@ -77,9 +79,14 @@ def trace_paths(
             f"{max(PILOT_RAYS // work.streams, 16) * work.streams} rays that look for paths"
         )
     found = time.perf_counter() - started
-    ran = site.run(work.keeping(kept), rays, progress)
+    file = None
+    if keeper is not None:
+        more = {"bounce_limit": bounce_limit, "least_chance": least_chance}
+        file = keeper.file_of(trace_facts(scene, options, rays, site.about(), **more))
+    ran = site.run(work.keeping(kept), rays, progress, kept=file)
     images, sums = ran.sums
     seconds = ran.seconds | {"build": ran.seconds["build"] + found}
+    seconds |= {name: seconds[name] + before for name, before in (file.seconds if file is not None else {}).items()}
     ends = ends_of(sums, work.parts, int(rays.sum()) * work.streams)
     images_w = images * (work.unit_w / kept.of_kind)[None, :, None, None] / rays[:, None, None, None]
     return PathLight(scene, options, ran.device, fluxes(sums, work, kept, rays), images_w, rays, ends, _ledger(ends),
@@ -135,11 +142,12 @@ class PathWork:
         self.sources, area = emitters(calibration, options.precision, options.overfill, options.aim)
         self.streams = len(self.sources)
         self.unit_w = scene.screen.radiance * scene.screen.pitch_mm**2 * float(area.max())
-        self.image_shape = (len(KINDS), sum(scene.screen.pixels), int(np.prod(scene.camera.detector.pixels)))
-        self.sums_bytes = 8 * int(np.prod(self.image_shape))
-        if self.sums_bytes > MAX_IMAGE_BYTES:
-            raise ValueError(f"scene {scene.name}: images of {self.image_shape[1]} lines with {self.image_shape[2]} "
-                             f"pixels take {self.sums_bytes} bytes; must be at most {MAX_IMAGE_BYTES}")  # fmt: skip
+        images = (len(KINDS), sum(scene.screen.pixels), int(np.prod(scene.camera.detector.pixels)))
+        self.sums_shapes = (images, (len(ENDS) + len(self.parts) + 2 * KEPT_PATHS,))
+        size = 8 * int(np.prod(images))
+        if size > MAX_IMAGE_BYTES:
+            raise ValueError(f"scene {scene.name}: images of {images[1]} lines with {images[2]} "
+                             f"pixels take {size} bytes; must be at most {MAX_IMAGE_BYTES}")  # fmt: skip
 
     def keeping(self, kept: Kept) -> PathWork:
         other = copy(self)
@@ -187,10 +195,14 @@ class PathTracer:
         elements = pack_elements(scene, self.parts, real, least_chance)
         self.streams, self._job = made.streams, _job(scene, self.parts, real, bounce_limit, made.sources)
         self.source = _compose(packed, self.parts, elements, self._job, options, device)
-        self._image_shape, self._sums_shape = made.image_shape, (len(ENDS) + len(self.parts) + 2 * KEPT_PATHS,)
+        self._image_shape, self._sums_shape = made.sums_shapes
+        self._facts = {
+            "code": hash_of(self.source.text.encode(), *(option.encode() for option in self.source.options)),
+            "inputs": hash_of(packed.scene, made.sources, elements, self._job),
+        }
         self._workspace = work = Workspace(device, self.source, "trace_paths")
         self._before = [work.upload(array) for array in (packed.scene, made.sources, elements)]
-        self._sums, self._images = work.empty(8 * self._sums_shape[0]), work.empty(made.sums_bytes)
+        self._sums, self._images = work.empty(8 * self._sums_shape[0]), work.empty(8 * int(np.prod(self._image_shape)))
         self._found = work.empty(4 * (1 + 3 * FOUND_SIZE))
 
     def find(self) -> Kept:
@@ -205,16 +217,20 @@ class PathTracer:
         self._workspace.download(self._found, found)
         low, high, bits = found[1:].reshape(-1, 3)[: min(int(found[0]), FOUND_SIZE)].T
         weights = bits.copy().view(np.float32).astype(float)
+        order = np.lexsort((bits, low, high))  # rays are found in any order; sums in floating point depend on it
+        low, high, weights = low[order], high[order], weights[order]
         codes, index = np.unique(high.astype(np.uint64) << np.uint64(32) | low.astype(np.uint64), return_inverse=True)
         largest, power = np.zeros(len(codes)), np.bincount(index, weights, len(codes))
         np.maximum.at(largest, index, weights)
         best = [k for k in np.argsort(-power, kind="stable")[: KEPT_PATHS - 1] if largest[k] > 0]
         return Kept(tuple(int(codes[k]) for k in best), tuple(float(largest[k]) for k in best))
 
-    def run(self, rays: np.ndarray, kept: Kept, progress=None) -> tuple[np.ndarray, np.ndarray]:
+    def run(
+        self, rays: np.ndarray, kept: Kept, progress=None, file: KeptTrace | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Images [replicates, kinds, lines, pixels] and sums [replicates, ends + elements + 2 paths]: whole numbers."""
         self.keep(kept)
-        return run_rays(self, rays, progress)
+        return run_rays(self, rays, progress, kept=file)
 
     def clear(self) -> None:
         for buffer in (self._images, self._sums):
@@ -243,6 +259,7 @@ class PathTracer:
         """What the next launches tell apart; with found_size above 0 they list what is detected instead."""
         table = kept.table()
         self._paths = self._workspace.upload(table)
+        self.facts = self._facts | {"paths": hash_of(table)}
         self._job["path_count"], self._job["found_size"] = len(table), found_size
 
     def launch(self, replicate: int, part: tuple[int, int, int, int]) -> None:

@@ -50,9 +50,9 @@ def simulate(
     """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
 
     measure: a name of measures.MEASURES. parts: also separate the height error into its parts; rounding is told apart
-    on the first device, not with a client. device, client: as of `trace`. trace_options:
-    estimator, sampler, precision, rays_per_pixel, replicates, seed, aim, overfill, smoothing of `trace`. Raises as
-    `trace` and `measure_by` do.
+    on the first device, not with a client. device, client: as of `trace`. trace_options: estimator, sampler, precision,
+    rays_per_pixel, replicates, seed, aim, overfill, smoothing, keeper of `trace`. Raises as `trace` and `measure_by`
+    do.
     """
     started = time.perf_counter()
     transport = trace(scene, device=device, client=client, progress=progress, **trace_options)

@@ -7,20 +7,22 @@ from typing import Protocol
 
 import numpy as np
 
-from irtscots_cl.launches import Pace, plan_launches
+from irtscots_cl.checkpoint import Facts, KeptTrace
+from irtscots_cl.launches import Pace, Place, plan_launches
 
 
 class Job(Protocol):
     """A built kernel with its buffers, for one scene on one device.
 
     streams: sources of rays. max_rays_per_item: of a work-item. first_launch_rays: before a launch has been timed.
-    pace: of the launches so far.
+    pace: of the launches so far. facts: what the sums depend on, but for scene, options, rays and device.
     """
 
     streams: int
     max_rays_per_item: int
     first_launch_rays: int
     pace: Pace
+    facts: Facts
 
     def clear(self) -> None:
         """Set the sums to zero."""
@@ -37,25 +39,42 @@ def run_rays(
     rays: np.ndarray,
     progress: Callable[[int, int], None] | None = None,
     launch_rays: int | None = None,
+    kept: KeptTrace | None = None,
 ) -> tuple[np.ndarray, ...]:
     """Trace rays [replicates] rays per stream; returns the job's sums, each [replicates, ...].
 
     progress(done, total) is called after each launch with ray numbers. launch_rays: rays per launch, instead of timing.
+    kept: where the sums are saved now and then, and what is there is gone on with. Raises checkpoint.Interrupted if it
+    says so.
     """
-    done, total, found = 0, int(rays.sum()) * job.streams, []
+    total, end, place = int(rays.sum()) * job.streams, Place(len(rays)), Place()
     job.pace.kernel_seconds = 0.0
-    for replicate, of_stream in enumerate(rays):
-        job.clear()
-        for part in plan_launches(job.streams, int(of_stream), _pace(job, launch_rays), job.max_rays_per_item):
+    job.clear()
+    found = tuple(np.zeros((len(rays), *array.shape), array.dtype) for array in job.sums())
+    if kept is not None:
+        place = kept.begin(job.facts, rays, job.streams, job.max_rays_per_item, found)
+    while place != end:
+        replicate, of_replicate = place.replicate, int(rays[place.replicate])
+        paced = _pace(job, launch_rays)
+        for part in plan_launches(job.streams, of_replicate, paced, job.max_rays_per_item, place):
             job.launch(replicate, part)
-            done += part[1] * part[3]
+            place = place.after(part, job.streams, of_replicate)
             if progress is not None:
-                progress(done, total)
-        sums = job.sums()
-        found = found or [np.empty((len(rays), *array.shape), array.dtype) for array in sums]
-        for all_of, array in zip(found, sums, strict=True):
-            all_of[replicate] = array
-    return tuple(found)
+                progress(place.rays_before(rays, job.streams), total)
+            if place.replicate > replicate:
+                _collect(job, found, replicate)
+            if kept is not None and place != end:
+                kept.launched(place, job.pace.kernel_seconds, lambda at=place.replicate: _collect(job, found, at))
+    if kept is not None:
+        kept.ended(place, job.pace.kernel_seconds)
+    return found
+
+
+def _collect(job: Job, found: tuple[np.ndarray, ...], replicate: int) -> None:
+    """Move the job's sums to the replicate's."""
+    for all_of, array in zip(found, job.sums(), strict=True):
+        all_of[replicate] += array
+    job.clear()
 
 
 def _pace(job: Job, launch_rays: int | None) -> Callable[[], int]:

@@ -15,8 +15,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from irtscots_cl.crew import Work, together
-from irtscots_cl.device import DeviceError, select_devices
+from irtscots_cl.checkpoint import Facts
+from irtscots_cl.crew import Devices, Work, together
+from irtscots_cl.device import Device, DeviceError, describe_together, select_devices
 from irtscots_cl.launches import cut_part
 from irtscots_cl.program import kernels_folder
 from irtscots_cl.runner import Job
@@ -46,13 +47,19 @@ def code_hash() -> str:
     return digest.hexdigest()[:16]
 
 
-def greet() -> dict[str, str]:
-    """What a worker is: code, and why it cannot be used, "" if it can."""
+def greet() -> dict[str, Any]:
+    """What a worker is: code; why it cannot be used, "" if it can; what about() and device facts say of its devices."""
     try:
-        select_devices()
+        devices = select_devices()
     except DeviceError as error:
         return {"code": code_hash(), "unusable": str(error)}
-    return {"code": code_hash(), "unusable": ""}
+    facts = describe_together([device.describe() for device in devices])
+    return {"code": code_hash(), "unusable": "", "about": Devices(devices).about(), "device": facts}
+
+
+def facts_of(device: Device, kind: type[Work], wire: str) -> Facts:
+    """The facts of the work's job on a device."""
+    return kind.from_wire(wire).build(device).facts
 
 
 def trace_part(code: str, kind: type[Work], wire: str, replicate: int, part: Part) -> dict[str, Any]:
@@ -133,7 +140,7 @@ def _forget_job() -> None:
 
 
 def merged(*several: dict[str, dict]) -> dict[str, dict]:
-    """"ran" of many results."""
+    """The "ran" of many results as one."""
     merged: dict[str, dict] = {}
     for ran in several:
         for address, more in ran.items():

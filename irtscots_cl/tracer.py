@@ -12,6 +12,7 @@ import numpy as np
 from irtscots_cl.aiming import emitters
 from irtscots_cl.analytic import trace_analytic
 from irtscots_cl.calibration import Calibration, calibrate, check_visible
+from irtscots_cl.checkpoint import Keeper, KeptTrace, hash_of, trace_facts
 from irtscots_cl.cluster import site_of
 from irtscots_cl.crew import Site
 from irtscots_cl.device import Device
@@ -51,6 +52,7 @@ def trace(
     smoothing: bool = False,
     progress: Callable[[int, int], None] | None = None,
     launch_rays: int | None = None,
+    keeper: Keeper | None = None,
 ) -> Transport | LineLight | PathLight:
     """Trace rays_per_pixel rays per screen pixel (forward) or per detector pixel (adjoint).
 
@@ -61,16 +63,17 @@ def trace(
     (cluster.py). replicates: independent parts of the rays, for error bars.
     estimator, sampler, precision, seed, aim, overfill, smoothing: see TraceOptions. progress(done, total) is called
     after each launch with ray numbers. launch_rays: rays per launch, instead of timing; no result depends on it. Same
-    seed and device, same bits.
+    seed and device, same bits. keeper: saves the sums now and then, and goes on from what it has; an interrupted trace
+    that goes on gives the bits of one that was not.
 
     Raises ValueError for an argument out of range, SceneError if no pixel sees the screen, DeviceError if the device
-    cannot do it.
+    cannot do it, checkpoint.Interrupted if the keeper ends it.
     """
     options = TraceOptions(estimator, sampler, precision, seed, aim, overfill, smoothing)
     if estimator == NONSEQUENTIAL:
         return trace_paths(scene, device=device, sampler=sampler, precision=precision, rays_per_pixel=rays_per_pixel,
                            replicates=replicates, seed=seed, overfill=overfill, progress=progress,
-                           client=client)  # fmt: skip
+                           client=client, keeper=keeper)  # fmt: skip
     check_sequential(scene, estimator)
     if estimator == ANALYTIC:
         return trace_analytic(scene)
@@ -80,25 +83,30 @@ def trace(
             f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 for each replicate"
         )
     check_visible(calibrate(scene), f"scene {scene.name}")
-    return _trace_rays(scene, site_of(device, client), options, rays, progress, launch_rays)
+    site = site_of(device, client)
+    kept = None if keeper is None else keeper.file_of(trace_facts(scene, options, rays, site.about()))
+    return _trace_rays(scene, site, options, rays, progress, launch_rays, kept)
 
 
-def _trace_rays(scene: Scene, site: Site, options: TraceOptions, rays: np.ndarray, progress, launch_rays):
+def _trace_rays(scene: Scene, site: Site, options: TraceOptions, rays: np.ndarray, progress, launch_rays, kept):
     """The forward or the adjoint estimator, with windows as wide as it takes."""
-    margin = 1
+    margin = 1 if kept is None else kept.margin()
     while True:
         started = time.perf_counter()
         work = TraceWork(scene, options, margin, int(rays.max()))
         prepared = time.perf_counter() - started
-        ran = site.run(work, rays, progress, launch_rays)
+        ran = site.run(work, rays, progress, launch_rays, kept)
         counts, fates = work.with_detected(*ran.sums, rays)
         if fates[Fate.OFF_WINDOW] == 0:
             break
+        if kept is not None:
+            kept.discard()
         margin *= 2  # light fell beside a window: wider ones, from the start
         if margin > MAX_MARGIN:
             raise RuntimeError(f"{fates[Fate.OFF_WINDOW]} rays land where no chief ray says that light can come")
     ledger, windows = ledger_from(fates, int(rays.sum()) * work.streams), work.windows
     seconds = ran.seconds | {"build": ran.seconds["build"] + prepared}
+    seconds |= {name: seconds[name] + before for name, before in (kept.seconds if kept is not None else {}).items()}
     if options.smoothing:
         flux = line_flux(counts, windows, work.unit_w[:, 0], rays)
         return LineLight(scene, options, ran.device, windows, flux, rays, ledger, seconds)
@@ -135,7 +143,7 @@ class TraceWork:
         rows, columns = self.windows.rows, self.windows.columns
         self.bins = (columns + 2 + rows + 2,) if options.smoothing else (rows, columns)  # of a slot
         self.streams = len(self.sources)
-        self.sums_bytes = 8 * len(self.windows.pixels) * int(np.prod(self.bins))
+        self.sums_shapes = ((len(self.windows.pixels), *self.bins), (len(Fate),))
 
     def build(self, device: Device) -> Tracer:
         return Tracer(calibrate(self.scene), device, self.options, self.margin, self.rays, work=self)
@@ -213,11 +221,16 @@ class Tracer:
         entry = "trace_lines" if options.smoothing else f"trace_{options.estimator}"
         self.source = compose(f"{entry}.cl", choices, packed.structs, options.precision, width, packed.constants)
         self._workspace = work = Workspace(device, self.source, entry)
-        self._counts = work.empty(self._work.sums_bytes)
+        self._counts = work.empty(8 * int(np.prod(self._work.sums_shapes[0])))
         self._ledger = work.empty(8 * len(Fate))
         lookup = [work.upload(array) for array in self._lookup()]
         self._before = [work.upload(packed.scene)]
         tile = tile if accumulate == "tile" else LocalMemory(8)
+        self.facts = {
+            "margin": margin,
+            "code": hash_of(self.source.text.encode(), *(option.encode() for option in self.source.options)),
+            "inputs": hash_of(packed.scene, self._work.sources, *self._lookup()),
+        }
         self._after = [work.upload(self._work.sources), *lookup, self._counts, self._ledger, tile]
         self.launch(0, (0, 1, 0, 0))  # no rays: some drivers compile at the first launch
 
@@ -235,12 +248,14 @@ class Tracer:
         slots[self.windows.pixels] = np.arange(len(self.windows.pixels))
         return [slots, self.windows.origins]
 
-    def run(self, rays: np.ndarray, progress=None, launch_rays: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def run(
+        self, rays: np.ndarray, progress=None, launch_rays: int | None = None, kept: KeptTrace | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Trace rays [replicates] rays per stream: counts [replicates, n, window rows, window columns], rays [Fate].
 
         With smoothing, counts are second differences (see kernels/trace_lines.cl).
         """
-        return self._work.with_detected(*run_rays(self, rays, progress, launch_rays), rays)
+        return self._work.with_detected(*run_rays(self, rays, progress, launch_rays, kept), rays)
 
     def clear(self) -> None:
         for buffer in (self._counts, self._ledger):

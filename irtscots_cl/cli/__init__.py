@@ -1,4 +1,4 @@
-"""The command line: `irtscots COMMAND`. Exit codes: 0 done, 2 bad input, 3 no usable device, 1 a bug.
+"""The command line: `irtscots COMMAND`. Exit codes: 0 done, 1 a bug, 2 bad input, 3 no usable device, 4 to be resumed.
 
 Each command has its file here; it imports what it needs when it runs, so that help and refusals come at once.
 """
@@ -12,7 +12,7 @@ import warnings
 from typing import NoReturn
 
 from irtscots_cl.cli import bench, devices, kernel, paths, reconstruct, reproduce, run, scenes, stability
-from irtscots_cl.cli.common import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_NO_DEVICE, fail
+from irtscots_cl.cli.common import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_NO_DEVICE, EXIT_STOPPED, StoppedError, fail
 from irtscots_cl.scene import SceneError
 
 COMMANDS = (run, scenes, devices, kernel, paths, reconstruct, reproduce, bench, stability)
@@ -33,6 +33,8 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     except (SceneError, ValueError, OSError) as error:
         return fail(error, EXIT_BAD_INPUT)
+    except StoppedError as stopped:
+        return fail(stopped, EXIT_STOPPED)
     except KeyboardInterrupt:
         return fail("interrupted; nothing was written", EXIT_INTERRUPTED)
     except RuntimeError as error:

@@ -23,7 +23,12 @@ DASK_HELP = (
 )
 EXIT_BAD_INPUT = 2
 EXIT_NO_DEVICE = 3
+EXIT_STOPPED = 4  # and can be gone on with
 EXIT_INTERRUPTED = 130  # as a shell reports Ctrl-C
+
+
+class StoppedError(Exception):
+    """A command ended early, and --resume goes on with it; the message is one line."""
 
 
 def fail(message: object, code: int) -> int:
@@ -87,7 +92,7 @@ def add_trace_choices(parser: argparse.ArgumentParser, device_help: str = DEVICE
 
 
 @contextmanager
-def place(options: argparse.Namespace) -> Iterator[dict[str, object]]:
+def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
     """device= or client= of `trace`, as --device and --dask say."""
     from irtscots_cl.cluster import connect
     from irtscots_cl.device import select_devices

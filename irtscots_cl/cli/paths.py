@@ -9,10 +9,10 @@ from irtscots_cl.cli.common import (
     DEVICES_HELP,
     add_scene,
     command,
-    place,
     print_json,
     print_tables,
     progress_bar,
+    site_arguments,
     visible_scene,
 )
 
@@ -57,7 +57,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.report import path_facts, path_tables
     from irtscots_cl.straylight import stray_light
 
-    with place(options) as where, progress_bar() as progress:
+    with site_arguments(options) as where, progress_bar() as progress:
         light = trace_paths(
             scene,
             **where,

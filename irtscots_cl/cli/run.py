@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -15,12 +16,13 @@ from irtscots_cl.cli.common import (
     add_trace_choices,
     choices,
     command,
-    place,
     print_json,
     print_tables,
     progress_bar,
+    site_arguments,
     visible_scene,
 )
+from irtscots_cl.cli.keeping import add_resume, keeping
 
 # Defaults of what a target chooses itself.
 RAYS = {"rays_per_pixel": 16384, "replicates": 8, "aim": "mirror", "overfill": 1.0}
@@ -64,6 +66,13 @@ def add(commands) -> None:
         help="height error to reach, piston and tilt removed: small pilot runs choose the cheapest rays, precision and "
         "measure that get there, except what is given here too",
     )
+    add_resume(parser)
+    parser.add_argument(
+        "--max-seconds",
+        type=float,
+        metavar="S",
+        help="stop after so many seconds of tracing, with exit code 4; --resume goes on",
+    )
     parser.add_argument(
         "--aim",
         metavar="A",
@@ -89,8 +98,14 @@ def _execute(options: argparse.Namespace) -> int:
     check_output_folder(folder)
     from irtscots_cl.pipeline import write_run
 
-    run = _simulate(scene, options, given) if options.target_nm is None else _reach(scene, options, given)
-    write_run(run, folder)
+    seconds = math.inf if options.max_seconds is None else options.max_seconds
+    with keeping(folder, "checkpoint", options.resume, max_seconds=seconds) as keeper:
+        if options.target_nm is None:
+            run = _simulate(scene, options, given, keeper)
+        else:
+            run = _reach(scene, options, given)
+        write_run(run, folder)
+        keeper.remove()
     if options.json:
         from irtscots_cl.files import plain
 
@@ -113,7 +128,12 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
     TraceOptions(**{name: wanted[name] for name in names}, seed=options.seed)
     check_measure(wanted["measure"])
     share_rays(wanted["rays_per_pixel"], wanted["replicates"])
+    if options.max_seconds is not None and not 0 < options.max_seconds < math.inf:
+        raise ValueError(f"--max-seconds = {options.max_seconds}: must be above 0 and finite")
     if options.target_nm is not None:
+        for name in ("resume", "max-seconds"):
+            if getattr(options, name.replace("-", "_")):
+                raise ValueError(f"--{name}: must be left out with --target-nm, which chooses the rays anew each time")
         for name in choices(options, RAYS):
             raise ValueError(f"--{name.replace('_', '-')}: --target-nm chooses it; must not be given too")
         if options.dask is not None:
@@ -137,7 +157,7 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
         raise ValueError(f"--parts: must be left out: scene {scene.name} is more than a mirror and a paraxial camera")
 
 
-def _simulate(scene, options: argparse.Namespace, given: dict):
+def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
     """Run as the options say."""
     from irtscots_cl.cluster import site_of
     from irtscots_cl.options import ANALYTIC
@@ -145,11 +165,12 @@ def _simulate(scene, options: argparse.Namespace, given: dict):
     from irtscots_cl.precision import check_precision_on
 
     wanted = DEFAULTS | RAYS | given
-    with nullcontext({}) if wanted["estimator"] == ANALYTIC else place(options) as where:
+    with nullcontext({}) if wanted["estimator"] == ANALYTIC else site_arguments(options) as where:
         if where:
             site_of(**where).call(check_precision_on, scene.to_toml(), wanted["precision"], options.scene)
         with progress_bar() as progress:
-            return simulate(scene, progress=progress, seed=options.seed, parts=options.parts, **where, **wanted)
+            return simulate(scene, progress=progress, seed=options.seed, parts=options.parts,
+                            keeper=keeper, **where, **wanted)  # fmt: skip
 
 
 def _reach(scene, options: argparse.Namespace, given: dict):

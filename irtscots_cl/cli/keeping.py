@@ -1,0 +1,104 @@
+"""Long commands: one process for each folder, and what Ctrl-C, SIGTERM or a limit of time leaves to go on from."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from irtscots_cl.cli.common import StoppedError
+
+LOCK = ".lock"
+
+
+def add_resume(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on where an interrupted command with the same options and --out stopped, to the same bits; where "
+        "there is nothing to go on from, start",
+    )
+
+
+@contextmanager
+def keeping(folder: Path, name: str, resume: bool, *, many: bool = False, max_seconds: float = math.inf) -> Iterator:
+    """The checkpoint.Keeper of a command's traces, in folder / name, and the folder for this process alone.
+
+    Interrupted where something can be gone on with, it raises StoppedError. A folder that was made does not stay empty.
+    """
+    from irtscots_cl.checkpoint import Interrupted, Keeper
+
+    keeper = Keeper(folder / name, resume, many, max_seconds, lambda line: print(f"irtscots: {line}", file=sys.stderr))
+    made = [part for part in (folder, *folder.parents) if not part.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with _locked(folder):
+            keeper.check_start()
+            with _signals(keeper):
+                yield keeper
+    except (Interrupted, KeyboardInterrupt) as ended:
+        if not keeper.files():
+            raise KeyboardInterrupt from None
+        why = str(ended) or "interrupted"
+        raise StoppedError(f"{why}; go on with --resume, from {keeper.path}") from None
+    finally:
+        for part in made:
+            if not any(part.iterdir()):
+                part.rmdir()
+
+
+@contextmanager
+def _signals(keeper) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end a trace after its launch, with its sums saved; twice, or elsewhere, at once."""
+
+    def end(*_) -> None:
+        if not keeper.tracing or keeper.stop:
+            raise KeyboardInterrupt
+        keeper.stop = True
+
+    if threading.current_thread() is not threading.main_thread():  # Python lets no other have handlers
+        yield
+        return
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """The folder for this process; ValueError if another has it. The system takes the lock from a process that dies."""
+    try:
+        import fcntl
+    except ImportError:  # not on Windows
+        yield
+        return
+    path = folder / LOCK
+    while True:
+        with open(path, "ab") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise ValueError(f"--out = {str(folder)!r}: in use by another process; must be another") from None
+            if not _is_at(file.fileno(), path):  # the one who had it has just removed it
+                continue
+            try:
+                yield
+            finally:
+                path.unlink(missing_ok=True)
+            return
+
+
+def _is_at(descriptor: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    except FileNotFoundError:
+        return False
