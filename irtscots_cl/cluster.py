@@ -48,11 +48,11 @@ log = logging.getLogger(__name__)
 
 
 def site_of(device: Device | Sequence[Device] | None, client=None) -> Site:
-    """Where to trace: a distributed.Client's workers, one device, several, or those that select_devices takes."""
+    """Where to trace: the workers of a distributed.Client or of a Cluster, these devices, or those selected."""
     if client is not None:
         if device is not None:
             raise ValueError("device: must be left out with a client; its workers choose theirs by IRTSCOTS_DEVICE")
-        return Cluster(client)
+        return client if isinstance(client, Cluster) else Cluster(client)
     if device is None:
         return Devices(select_devices())
     return Devices([device] if isinstance(device, Device) else device)
@@ -115,6 +115,8 @@ class Cluster:
 
     def usable(self) -> dict[str, int]:
         """Threads of the workers that are there and have not failed; DeviceError if that is not known."""
+        if self.client.scheduler is None:
+            raise self.lost()
         try:
             found = self.client.nthreads()
         except (OSError, TimeoutError) as error:

@@ -94,7 +94,7 @@ def add_trace_choices(parser: argparse.ArgumentParser, device_help: str = DEVICE
 @contextmanager
 def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
     """device= or client= of `trace`, as --device and --dask say."""
-    from irtscots_cl.cluster import connect
+    from irtscots_cl.cluster import Cluster, connect
     from irtscots_cl.device import select_devices
 
     if options.dask is None:
@@ -104,7 +104,7 @@ def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
         raise ValueError("--device: must be left out with --dask: IRTSCOTS_DEVICE of each worker names its device")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what the user can act on is said by us, in one line
     with connect(options.dask) as client:
-        yield {"client": client}
+        yield {"client": Cluster(client)}
 
 
 def add_measure(parser: argparse.ArgumentParser) -> None:

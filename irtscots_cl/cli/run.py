@@ -159,15 +159,16 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
 
 def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
     """Run as the options say."""
-    from irtscots_cl.cluster import site_of
     from irtscots_cl.options import ANALYTIC
     from irtscots_cl.pipeline import simulate
-    from irtscots_cl.precision import check_precision_on
+    from irtscots_cl.precision import check_precision_of_scene, check_precision_on
 
     wanted = DEFAULTS | RAYS | given
     with nullcontext({}) if wanted["estimator"] == ANALYTIC else site_arguments(options) as where:
-        if where:
-            site_of(**where).call(check_precision_on, scene.to_toml(), wanted["precision"], options.scene)
+        for device in where.get("device", ()):
+            check_precision_of_scene(scene, device, wanted["precision"], options.scene)
+        if "client" in where:
+            where["client"].call(check_precision_on, scene.to_toml(), wanted["precision"], options.scene)
         with progress_bar() as progress:
             return simulate(scene, progress=progress, seed=options.seed, parts=options.parts,
                             keeper=keeper, **where, **wanted)  # fmt: skip
