@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from queue import Empty, SimpleQueue
 from statistics import median
 from typing import Any
@@ -40,6 +40,7 @@ SUM_BYTES_PER_SECOND = 1e7  # of a worker's sums: larger ones make longer tasks,
 FAN_IN = 8  # sums that a worker adds up at a time
 TASKS_PER_THREAD = 2  # in flight, so that a worker need not wait for the next one
 TIMED_TASKS = 32  # whose speed is asked for
+MAX_RETRIES = 16  # of a sum that has to be traced again
 CONNECT_SECONDS = 10.0
 WAIT_SECONDS = 60.0  # for a worker, where there is none
 POLL_SECONDS = 1.0  # between looks at which workers there are
@@ -102,16 +103,16 @@ class Cluster:
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
         while True:
-            future = self.submit(call_on_device, code_hash(), function, arguments)
+            only = self.usable() if self.failed else None
+            future = self.submit(call_on_device, code_hash(), function, arguments, only=only)
             try:
                 return future.result()
             except WorkerError as error:
                 self.leave_out(error)
 
-    def submit(self, function: Callable, *arguments: Any, priority: int = 0):
-        """The future of a task on any worker that has not failed."""
-        only = list(self.usable()) if self.failed else None
-        return self.client.submit(function, *arguments, pure=False, priority=priority, workers=only)
+    def submit(self, function: Callable, *arguments: Any, only: Iterable[str] | None = None):
+        """The future of a task on these workers, or on any."""
+        return self.client.submit(function, *arguments, pure=False, workers=None if only is None else list(only))
 
     def usable(self) -> dict[str, int]:
         """Threads of the workers that are there and have not failed; DeviceError if that is not known."""
@@ -177,7 +178,8 @@ class _Run:
         self._out: dict[str, tuple[Any, Callable, tuple]] = {}  # key -> future, what then, with what
         self._done, self._polled, self._seen, self._parts_out = SimpleQueue(), 0.0, time.monotonic(), 0
         self._threads: dict[str, int] = {}
-        self._complete, self.ran = set(), {}
+        self._only: dict[str, set[str] | None] = {}  # key of a part's task -> the workers that may run it
+        self._complete, self._retries, self.ran = set(), 0, {}
 
     def finish(self) -> None:
         """Run to the end. Raises as Cluster says."""
@@ -237,9 +239,11 @@ class _Run:
             if entry is None:
                 return
             replicate, part = entry
-            future = self._cluster.submit(trace_part, self._code, self._kind, self._wire, replicate, part)
+            only = set(self._threads) if self._cluster.failed else None
+            future = self._cluster.submit(trace_part, self._code, self._kind, self._wire, replicate, part, only=only)
             self._parts_out += 1
             self._watch(future, self._traced, replicate, part)
+            self._only[future.key] = only
 
     def _watch(self, future, then: Callable, *arguments: Any) -> None:
         self._out[future.key] = future, then, arguments
@@ -247,6 +251,7 @@ class _Run:
 
     def _traced(self, future, replicate: int, part: Part) -> None:
         self._parts_out -= 1
+        del self._only[future.key]
         if not self._is_well(future):
             self._again.append((replicate, part))
             return
@@ -277,7 +282,10 @@ class _Run:
             self._speeds.append(future.result())
 
     def _totalled(self, future, replicate: int) -> None:
-        if not self._is_well(future):  # sums that a lost worker had are traced again: where that failed, once more
+        if not self._is_well(future):  # what a lost worker had was traced again, on one that failed: once more
+            self._retries += 1
+            if self._retries > MAX_RETRIES:
+                raise DeviceError(f"--dask: {future.exception().line}, {MAX_RETRIES} times after workers were lost")
             self._cluster.client.retry([future])
             self._watch(future, self._totalled, replicate)
             return
@@ -315,6 +323,13 @@ class _Run:
         if now - self._polled < POLL_SECONDS:
             return
         self._threads, self._polled = self._cluster.usable(), now
+        for key, only in list(self._only.items()):
+            if only is not None and only.isdisjoint(self._threads):  # would wait for workers that are gone
+                future, _, entry = self._out.pop(key)
+                self._cluster.client.cancel(future)
+                del self._only[key]
+                self._parts_out -= 1
+                self._again.append(entry)
         if self._threads:
             self._seen = now
         elif now - self._seen > WAIT_SECONDS:
