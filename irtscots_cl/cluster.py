@@ -37,6 +37,7 @@ from irtscots_cl.tasks import (
 TASK_SECONDS = 4.0  # of a task: long beside what the scheduler does for it, short beside what a lost worker costs
 LEAST_TASK_SECONDS = 0.25  # near the end, when what is left is shared out
 SUM_BYTES_PER_SECOND = 1e7  # of a worker's sums: larger ones make longer tasks, so that the network keeps up
+SCHEDULER_SECONDS = 0.01  # of a task, for scheduler and client to keep up with: with many workers tasks get longer
 FAN_IN = 8  # sums that a worker adds up at a time
 TASKS_PER_THREAD = 2  # in flight, so that a worker need not wait for the next one
 TIMED_TASKS = 32  # whose speed is asked for
@@ -57,6 +58,13 @@ def site_of(device: Device | Sequence[Device] | None, client=None) -> Site:
     if device is None:
         return Devices(select_devices())
     return Devices([device] if isinstance(device, Device) else device)
+
+
+def task_seconds(work: Work, threads: int) -> tuple[float, float]:
+    """How long a task with so many threads of workers should take: at least, near the end, and as a rule."""
+    bytes_of_sums, for_scheduler = 8 * sum(int(np.prod(s)) for s in work.sums_shapes), threads * SCHEDULER_SECONDS
+    rule = max(TASK_SECONDS, bytes_of_sums / SUM_BYTES_PER_SECOND, for_scheduler)
+    return max(LEAST_TASK_SECONDS, for_scheduler), rule
 
 
 def connect(address: str):
@@ -226,10 +234,8 @@ class _Run:
         share = self._to_cut // (TASKS_PER_THREAD * max(1, sum(self._threads.values()))) + 1
         if not self._speeds:
             return min(self._work.first_launch_rays, share)
-        speed = median(self._speeds)
-        sums_bytes = 8 * sum(int(np.prod(shape)) for shape in self._work.sums_shapes)
-        seconds = max(TASK_SECONDS, sums_bytes / SUM_BYTES_PER_SECOND)
-        return int(min(speed * seconds, max(share, speed * LEAST_TASK_SECONDS))) + 1
+        speed, (least, most) = median(self._speeds), task_seconds(self._work, sum(self._threads.values()))
+        return int(min(speed * most, max(share, speed * least))) + 1
 
     def _top_up(self) -> None:
         threads = sum(self._threads.values())

@@ -272,7 +272,7 @@ def test_a_device_beside_a_client_is_refused(device, two):
         trace(coarse(), client=two, device=device)
 
 
-def test_tasks_get_as_long_as_their_sums_are_large(two):
+def test_tasks_are_longer_where_sums_are_large_or_workers_many(two):
     """No trace: the size of parts by measured speed, near the beginning and near the end."""
     work = TraceWork(coarse(), TraceOptions())
     run = cluster._Run(Cluster(two), work, np.array([2**30]), None, None, None)
@@ -286,6 +286,8 @@ def test_tasks_get_as_long_as_their_sums_are_large(two):
     assert run._next_rays() == pytest.approx(1e6, abs=2)
     run._to_cut = 1
     assert run._next_rays() == pytest.approx(2e6 * cluster.LEAST_TASK_SECONDS, abs=2)
+    run._threads, work.sums_shapes = {str(k): 2 for k in range(500)}, ((10,),)
+    assert run._next_rays() == pytest.approx(2e6 * 10, abs=2)  # the scheduler gets 100 tasks a second
 
 
 # --- from the shell ----------------------------------------------------------------------------------------
@@ -312,10 +314,9 @@ def shell_cluster(tmp_path):
                                str(tmp_path), **environment))  # fmt: skip
 
     yield address, worker
-    for process in reversed(started):
+    for process in reversed(started):  # workers before the scheduler, or they wait for it
         process.terminate()
-    for process in started:
-        process.communicate(timeout=20)
+        process.communicate(timeout=30)
 
 
 @pytest.mark.slow

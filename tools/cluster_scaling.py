@@ -25,7 +25,7 @@ import numpy as np
 import psutil
 from distributed import Client
 
-from irtscots_cl.cluster import FAN_IN, SUM_BYTES_PER_SECOND, TASK_SECONDS
+from irtscots_cl.cluster import FAN_IN, task_seconds
 from irtscots_cl.options import TraceOptions
 from irtscots_cl.presets import load_scene
 from irtscots_cl.tasks import add_up
@@ -60,10 +60,12 @@ def cluster(workers: int) -> Iterator[tuple[Client, psutil.Process]]:
                 client.wait_for_workers(workers, timeout=60)
                 yield client, psutil.Process(scheduler.pid)
         finally:
-            for process in (*started, scheduler):
+            for process in started:
                 process.terminate()
-            for process in (*started, scheduler):
-                process.wait(timeout=30)
+            for process in started:  # before the scheduler, or they wait for it
+                process.wait(timeout=60)
+            scheduler.terminate()
+            scheduler.wait(timeout=60)
 
 
 def rates(client: Client, scene, rays_per_pixel: int, rounds: int) -> dict[str, float]:
@@ -106,9 +108,9 @@ def messages(client: Client, scene) -> dict[str, float]:
             "add_up_seconds": time.perf_counter() - started}  # fmt: skip
 
 
-def project(workers: int, task: dict[str, float], sums: dict[str, float]) -> dict[str, float]:
-    """What so many equal workers make of an hour's trace: shares of the scheduler's, client's and network's time."""
-    seconds = max(TASK_SECONDS, sums["sums_bytes"] / SUM_BYTES_PER_SECOND)
+def project(workers: int, work: TraceWork, task: dict[str, float], sums: dict[str, float]) -> dict[str, float]:
+    """What so many equal workers make of an hour's trace: shares of time, bytes, and seconds that it ends later."""
+    _, seconds = task_seconds(work, workers)
     tasks = workers * HOUR / seconds
     depth = max(1, math.ceil(math.log(max(tasks / REPLICATES, FAN_IN), FAN_IN)))
     step = FAN_IN * sums["sums_bytes"] / sums["fetched_bytes_per_second"] + sums["add_up_seconds"]
@@ -117,8 +119,9 @@ def project(workers: int, task: dict[str, float], sums: dict[str, float]) -> dic
         "workers": workers, "tasks": tasks, "task_seconds": seconds,
         "scheduler_share": workers * task["scheduler_seconds"] / seconds,
         "client_share": workers * task["client_seconds"] / seconds,
-        "worker_bytes_per_second": moved,
-        "tree_depth": depth, "tree_seconds": depth * step,
+        "worker_bytes_per_second": moved, "tree_depth": depth,
+        "idle_seconds": seconds,  # at the end, while the last tasks run
+        "tree_seconds": depth * step,
         "gather_seconds": REPLICATES * sums["sums_bytes"] / sums["fetched_bytes_per_second"],
     }  # fmt: skip
 
@@ -132,10 +135,12 @@ def measure(options: argparse.Namespace) -> dict:
             if workers == options.workers[-1]:
                 found["task"], found["sums"] = costs(client, scheduler, small), messages(client, scene)
     found["load_after"] = os.getloadavg()[0]
-    found["projected"] = [project(n, found["task"], found["sums"]) for n in PROJECTED]
+    work = TraceWork(scene, TraceOptions())
+    found["projected"] = [project(n, work, found["task"], found["sums"]) for n in PROJECTED]
     dearest = max(("scheduler", "client"), key=lambda who: found["task"][f"{who}_seconds"])
-    seconds = found["projected"][0]["task_seconds"]
-    found["saturates_first"] = {"what": dearest, "workers": seconds / found["task"][f"{dearest}_seconds"]}
+    _, seconds = task_seconds(work, 1)
+    found["saturates_first"] = {"what": dearest, "workers": seconds / found["task"][f"{dearest}_seconds"],
+                                "task_seconds": seconds}  # fmt: skip
     return found
 
 
@@ -149,15 +154,16 @@ def print_text(found: dict) -> None:
           f"{task['client_seconds'] * 1e3:.2f} ms (of {task['tasks']} tasks)")  # fmt: skip
     print(f"sums {sums['sums_bytes'] / 1e6:.1f} MB, fetched at {sums['fetched_bytes_per_second'] / 1e6:.0f} MB/s, "
           f"{FAN_IN} added up in {sums['add_up_seconds'] * 1e3:.0f} ms")  # fmt: skip
-    head = ("workers", "tasks in an hour", "scheduler busy", "client busy", "MB/s at a worker", "levels of sums",
-            "last sums [s]", "fetch [s]")  # fmt: skip
+    head = ("workers", "tasks in an hour", "of [s]", "scheduler busy", "client busy", "MB/s at a worker",
+            "levels of sums", "later by [s]: last tasks", "last sums", "fetch")  # fmt: skip
     print(f"| {' | '.join(head)} |\n{'|---' * len(head)}|")
     for row in found["projected"]:
-        print(f"| {row['workers']} | {row['tasks']:.0f} | {row['scheduler_share']:.1%} | {row['client_share']:.1%} | "
-              f"{row['worker_bytes_per_second'] / 1e6:.0f} | {row['tree_depth']} | {row['tree_seconds']:.1f} | "
-              f"{row['gather_seconds']:.1f} |")  # fmt: skip
+        print(f"| {row['workers']} | {row['tasks']:.0f} | {row['task_seconds']:.0f} | {row['scheduler_share']:.1%} | "
+              f"{row['client_share']:.1%} | {row['worker_bytes_per_second'] / 1e6:.1f} | {row['tree_depth']} | "
+              f"{row['idle_seconds']:.0f} | {row['tree_seconds']:.1f} | {row['gather_seconds']:.1f} |")  # fmt: skip
     first = found["saturates_first"]
-    print(f"saturates first: the {first['what']}, at {first['workers']:.0f} workers")
+    print(f"were tasks of {first['task_seconds']:.0f} s with any number of workers, the {first['what']} would saturate "
+          f"first, at {first['workers']:.0f} workers")  # fmt: skip
 
 
 def main() -> None:
