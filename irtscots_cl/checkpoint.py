@@ -32,7 +32,7 @@ FORMAT = b"irtscots-cl checkpoint 1 "
 MAX_HEADER_BYTES = 2**14
 LEAST_SECONDS = 5.0  # between two saves
 COST_SHARE = 50  # the time between two saves is so many times that of a save: 2 %
-BYTES_PER_SECOND = 2e8  # of saving, before a save has been timed
+BYTES_PER_SECOND = 1e8  # of saving, before a save has been timed
 DIGEST_BYTES = 32
 HASHED = ("scene", "code", "inputs", "paths")  # facts that are too long to be told
 MARGINS = (1, 2, 4, 8)  # that a trace can have got to
@@ -298,7 +298,7 @@ def _differences(kept: dict, here: Facts) -> str:
     for name in names:
         values = (f"{kept.get(name, 'none')}"[:60], f"{here.get(name, 'none')}"[:60])
         told = name not in HASHED and all(value.isprintable() for value in values)
-        words.append(f"{name[:60]!a} = {values[0]}, here {values[1]}" if told else f"another {name[:60]!a}")
+        words.append(f"{name[:60]!a} = {values[0]}, here {values[1]}" if told else f"other {name[:60]!a}")
     return "; ".join(words[:5]).replace("'", "")
 
 

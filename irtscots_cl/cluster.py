@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from irtscots_cl.checkpoint import KeptTrace
 from irtscots_cl.crew import Devices, Ran, Site, Work, differing
 from irtscots_cl.device import Device, DeviceError, describe_together, select_devices
 from irtscots_cl.launches import Place, plan_launches
@@ -93,18 +92,23 @@ class Cluster:
         self._wait_for_workers()
         self._greet_workers()
 
-    def run(self, work: Work, rays: np.ndarray, progress=None, launch_rays=None, kept: KeptTrace | None = None) -> Ran:
+    def run(
+        self, work: Work, rays: np.ndarray, progress=None, launch_rays=None, kept=None, finished=None
+    ) -> Ran:
         """launch_rays: rays of a task, instead of timing. kept: gets whole replicates, in their order."""
         started = time.perf_counter()
-        run = _Run(self, work, rays, progress, launch_rays, kept)
+        run = _Run(self, work, rays, progress, launch_rays, kept, finished)
         try:
             run.finish()
         finally:
             run.cancel()
         ran = [{"worker": address} | of_one for address, of_one in sorted(run.ran.items())]
         seconds = {"build": 0.0, "trace": time.perf_counter() - started, "kernels": run.kernel_seconds}
-        devices = [of_one["device"] for of_one in ran] or list(self._devices.values())  # all was kept from before
-        return Ran(run.sums, describe_together(devices) | {"workers": ran}, seconds)
+        facts = describe_together([of_one["device"] for of_one in ran]) if ran else self.describe()
+        return Ran(run.sums, facts | {"workers": ran}, seconds)
+
+    def describe(self) -> dict[str, object]:
+        return describe_together(list(self._devices.values()))
 
     def about(self) -> dict[str, str]:
         return differing(list(self._about.values()))
@@ -167,8 +171,9 @@ class _Run:
     sums: the result, as runner.run_rays has it. ran: address -> rays, tasks, seconds, kernels, device.
     """
 
-    def __init__(self, cluster: Cluster, work: Work, rays: np.ndarray, progress, task_rays: int | None, kept):
+    def __init__(self, cluster: Cluster, work: Work, rays: np.ndarray, progress, task_rays: int | None, kept, finished):
         self._cluster, self._work, self._progress, self._task_rays = cluster, work, progress, task_rays
+        self._finished = finished
         self._code, self._kind, self._wire, self._kept = code_hash(), type(work), work.wire(), kept
         self.sums = tuple(np.zeros((len(rays), *shape), np.uint64) for shape in work.sums_shapes)
         self._place, self._end = Place(), Place(len(rays))  # all before the place is in the sums
@@ -191,6 +196,8 @@ class _Run:
 
     def finish(self) -> None:
         """Run to the end. Raises as Cluster says."""
+        if self._progress is not None and self._place != Place():
+            self._progress(self._total - sum(self._left), self._total)
         while self._place != self._end:
             if self._kept is not None and self._kept.ends:
                 self._kept.launched(self._place, self.kernel_seconds, lambda: None)
@@ -302,6 +309,8 @@ class _Run:
         self._complete.add(replicate)
         while self._place.replicate in self._complete:
             self._place = Place(self._place.replicate + 1)
+            if self._finished is not None and self._place != self._end:
+                self._finished(tuple(array[: self._place.replicate] for array in self.sums))
         if self._kept is not None and self._place != self._end:
             self._kept.launched(self._place, self.kernel_seconds, lambda: None)
 

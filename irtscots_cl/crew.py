@@ -65,8 +65,12 @@ class Site(Protocol):
         progress: Callable[[int, int], None] | None = None,
         launch_rays: int | None = None,
         kept: KeptTrace | None = None,
+        finished: Callable[[tuple[np.ndarray, ...]], None] | None = None,
     ) -> Ran:
         """As runner.run_rays, of the work's job."""
+
+    def describe(self) -> dict[str, object]:
+        """Facts of all its devices, as device.describe_together."""
 
     def about(self) -> dict[str, str]:
         """{"device", "driver"}: the names of the different ones."""
@@ -81,14 +85,17 @@ class Devices:
     def __init__(self, devices: Sequence[Device]):
         self._devices = tuple(devices)
 
-    def run(self, work: Work, rays: np.ndarray, progress=None, launch_rays=None, kept=None) -> Ran:
+    def run(self, work: Work, rays: np.ndarray, progress=None, launch_rays=None, kept=None, finished=None) -> Ran:
         started = time.perf_counter()
         with together(self._devices, work.build) as (job, facts):
             built = time.perf_counter()
-            sums = run_rays(job, rays, progress, launch_rays, kept)
+            sums = run_rays(job, rays, progress, launch_rays, kept, finished)
             traced = time.perf_counter()
             seconds = {"build": built - started, "trace": traced - built, "kernels": job.pace.kernel_seconds}
             return Ran(sums, facts(), seconds)
+
+    def describe(self) -> dict[str, object]:
+        return describe_together([device.describe() for device in self._devices])
 
     def about(self) -> dict[str, str]:
         return differing([{"device": device.name, "driver": device.driver} for device in self._devices])

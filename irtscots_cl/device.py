@@ -1,13 +1,14 @@
-"""OpenCL devices: selection, and what a device can do, found out by running tiny kernels on it."""
+"""OpenCL devices: their selection, and how the failures of their drivers are told."""
 
 from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
-import numpy as np
 import pyopencl as cl
 
 ENVIRONMENT = "IRTSCOTS_DEVICE"
@@ -16,7 +17,7 @@ HINT = "install one: pip install 'pyopencl[pocl]' (CPU, Linux x86-64), or your G
 
 
 class DeviceError(RuntimeError):
-    """No usable OpenCL device; the message is one line."""
+    """No usable OpenCL device, or one that fails; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,14 @@ class Device:
     cl_device: cl.Device
     index: str  # "platform:device", as `select_device` takes it
 
-    @property
+    @cached_property
     def name(self) -> str:
         return self.cl_device.name.strip()
+
+    @property
+    def label(self) -> str:
+        """How messages name it."""
+        return f"device {self.index} {self.name}"
 
     @property
     def platform(self) -> str:
@@ -38,7 +44,7 @@ class Device:
     def driver(self) -> str:
         return f"{self.cl_device.platform.version.strip()} / {self.cl_device.driver_version.strip()}"
 
-    @property
+    @cached_property
     def kind(self) -> str:
         """ "cpu", "gpu" or "other"."""
         kinds = {cl.device_type.CPU: "cpu", cl.device_type.GPU: "gpu"}
@@ -46,11 +52,13 @@ class Device:
 
     @cached_property
     def context(self) -> cl.Context:
-        return cl.Context([self.cl_device])
+        with driver_errors(self):
+            return cl.Context([self.cl_device])
 
     @cached_property
     def queue(self) -> cl.CommandQueue:
-        return cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+        with driver_errors(self):
+            return cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
 
     @property
     def local_memory_bytes(self) -> int:
@@ -76,21 +84,29 @@ class Device:
 
     def describe(self) -> dict[str, object]:
         """Plain facts for reports."""
-        return {
-            "index": self.index,
-            "name": self.name,
-            "platform": self.platform,
-            "driver": self.driver,
-            "kind": self.kind,
-            "compute_units": self.cl_device.max_compute_units,
-        }
+        with driver_errors(self):
+            return {
+                "index": self.index,
+                "name": self.name,
+                "platform": self.platform,
+                "driver": self.driver,
+                "kind": self.kind,
+                "compute_units": self.cl_device.max_compute_units,
+            }
 
-    def probe(self) -> dict[str, object]:
-        """Run tiny kernels and say what holds: rounding of sqrt and division, 32-bit atomics, fp64.
 
-        Raises DeviceError if the device cannot even run them or counts wrongly.
-        """
-        return _probe(self)
+@contextmanager
+def driver_errors(device: Device, doing: str = "") -> Iterator[None]:
+    """What the driver reports inside becomes a DeviceError of one line. doing: what failed, for the message."""
+    label = device.label  # now: a device that is lost may not tell its name
+    try:
+        yield
+    except cl.Error as error:
+        raise DeviceError(f"{label}: {f'{doing}: ' if doing else ''}{first_line(error)}") from error
+
+
+def first_line(error: cl.Error) -> str:
+    return next((line for line in str(error).splitlines() if line.strip()), "unknown error").strip()
 
 
 @lru_cache
@@ -123,7 +139,7 @@ def select_device(choice: str | None = None) -> Device:
         choice, source = os.environ.get(ENVIRONMENT) or None, ENVIRONMENT
     if choice is not None and choice.strip().lower() == ALL:
         raise DeviceError(f"{source} = {choice!r}: must name one device here")
-    usable = [d for d in devices if d.cl_device.endian_little and d.cl_device.available]
+    usable = [d for d in devices if _is_usable(d)]
     matching = usable if choice is None else [d for d in usable if _matches(d, choice)]
     if not matching:
         allowed = "; ".join(f"{d.index} {d.name} ({d.platform})" for d in devices)
@@ -139,7 +155,7 @@ def select_devices(choice: str | None = None) -> tuple[Device, ...]:
     """
     wanted = choice if choice is not None else os.environ.get(ENVIRONMENT)
     if wanted is not None and wanted.strip().lower() == ALL:
-        usable = tuple(d for d in all_devices() if d.cl_device.endian_little and d.cl_device.available)
+        usable = tuple(d for d in all_devices() if _is_usable(d))
         return usable or (select_device(None),)  # which says what to do about it
     if wanted is None or "," not in wanted:
         return (select_device(choice),)
@@ -162,6 +178,13 @@ def describe_together(facts: list[dict[str, object]]) -> dict[str, object]:
     return together | {"devices": facts}
 
 
+def _is_usable(device: Device) -> bool:
+    try:
+        return bool(device.cl_device.endian_little and device.cl_device.available)
+    except cl.Error:  # it was there when the devices were listed
+        return False
+
+
 def _matches(device: Device, choice: str) -> bool:
     wanted = choice.strip().lower()
     if not wanted:
@@ -172,59 +195,3 @@ def _matches(device: Device, choice: str) -> bool:
         return False
     platform = device.platform.lower().replace("portable computing language", "portable computing language pocl")
     return wanted in device.name.lower() or wanted in platform
-
-
-_PROBE = """
-__kernel void probe(__global const float *x, __global float *root, __global float *quotient,
-                    __global uint *counter) {
-    const uint i = get_global_id(0);
-    root[i] = sqrt(x[i]);
-    quotient[i] = 1.0f / x[i];
-    atomic_add(&counter[0], i + 1);
-}
-"""
-_PROBE_FP64 = """
-#pragma OPENCL EXTENSION cl_khr_fp64 : enable
-__kernel void probe(__global const double *x, __global double *y) {
-    y[get_global_id(0)] = 1.0 / x[get_global_id(0)];
-}
-"""
-
-
-def _probe(device: Device) -> dict[str, object]:
-    n = 1024
-    x = np.linspace(0.5, 7.0, n, dtype=np.float32)
-    try:
-        root, quotient, counter = _run(device, _PROBE, x, 4 * n, 4 * n, 4)
-        double = _run(device, _PROBE_FP64, x.astype(float), 8 * n)[0].view(float) if device.has_fp64 else None
-    except cl.Error as error:
-        raise DeviceError(
-            f"device {device.index} {device.name}: cannot run a kernel: {str(error).splitlines()[0]}"
-        ) from None
-    if counter.view(np.uint32)[0] != n * (n + 1) // 2:
-        raise DeviceError(f"device {device.index} {device.name}: 32-bit atomics count wrongly")
-    return {
-        "sqrt_correctly_rounded": bool(np.array_equal(root.view(np.float32), np.sqrt(x))),
-        "division_correctly_rounded": bool(np.array_equal(quotient.view(np.float32), np.float32(1) / x)),
-        "atomics_32": True,
-        "fp64": double is not None and bool(np.allclose(double, 1 / x.astype(float), rtol=1e-15, atol=0)),
-        "vector_width_fp32": device.vector_width("fp32"),
-        "memory_gib": round(device.cl_device.global_mem_size / 2**30, 2),
-        "local_memory_kib": device.cl_device.local_mem_size // 1024,
-    }
-
-
-def _run(device: Device, source: str, x: np.ndarray, *output_bytes: int) -> list[np.ndarray]:
-    """Run the source's kernel `probe` on x and on zeroed outputs; the outputs as bytes."""
-    flags = cl.mem_flags
-    inputs = cl.Buffer(device.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=x)
-    outputs = [
-        cl.Buffer(device.context, flags.READ_WRITE | flags.COPY_HOST_PTR, hostbuf=np.zeros(size, np.uint8))
-        for size in output_bytes
-    ]
-    kernel = cl.Kernel(cl.Program(device.context, source).build(cache_dir=False), "probe")
-    kernel(device.queue, (len(x),), None, inputs, *outputs)
-    results = [np.empty(size, np.uint8) for size in output_bytes]
-    for result, buffer in zip(results, outputs, strict=True):
-        cl.enqueue_copy(device.queue, result, buffer)
-    return results

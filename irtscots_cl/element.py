@@ -7,9 +7,9 @@ Such elements are seen by the non-sequential tracer alone. An element has a fram
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, Strict, model_validator
 
 from irtscots_cl.checked import (
     Conic,
@@ -27,15 +27,17 @@ from irtscots_cl.checked import (
 )
 
 MIN_SINE_TO_Y = 1e-6  # below it a frame's x axis is lost in the rounding of its position
-KINDS = ("mirror", "refractor", "lens", "absorber")
+KINDS = ("mirror", "refractor", "lens", "absorber", "detector")
 RESERVED = ("screen", "mirror", "lens", "stop", "detector")  # names of what the scene itself puts there
 NEEDS = {"refractor": ("index_front", "index_back"), "lens": ("focal_length_mm",)}
 ALLOWS = {
-    "mirror": ("reflectance",),
-    "refractor": ("index_front", "index_back", "reflectance"),
+    "mirror": ("reflectance", "scatter"),
+    "refractor": ("index_front", "index_back", "reflectance", "coating_index", "scatter"),
     "lens": ("focal_length_mm",),
-    "absorber": (),
+    "absorber": ("scatter",),
+    "detector": (),
 }
+CHOICES = ("reflectance", "coating_index", "index_front", "index_back", "focal_length_mm", "scatter")
 
 
 @checked("element")
@@ -45,11 +47,16 @@ class Element:
     radius_mm: of curvature at the vertex, above 0 where the centre lies on the front; without it, a plane. Its aperture
     is a disk (diameter_mm) with a hole (obscuration_mm), or a rectangle (size_mm: width along the element's x, height).
     kind: "mirror" (front reflects `reflectance`, back is black), "refractor" (between index_front and index_back;
-    reflects as Fresnel says, or `reflectance` of a coating), "lens" (paraxial), "absorber".
+    reflects as Fresnel says, or `reflectance` of a coating, or as a layer of coating_index a quarter of a wavelength
+    thick), "lens" (paraxial), "absorber", "detector" (an absorber that stands there to tell how much light comes).
+    scatter: of mirrors and refractors, about the direction of light that goes on; an absorber's about that of a mirror.
+    important: whether scattered rays are aimed at it.
     """
 
     name: SceneName
-    kind: Annotated[Literal["mirror", "refractor", "lens", "absorber"], Field(description=f"one of {', '.join(KINDS)}")]
+    kind: Annotated[
+        Literal["mirror", "refractor", "lens", "absorber", "detector"], Field(description=f"one of {', '.join(KINDS)}")
+    ]
     position_mm: PointMm
     facing_mm: PointMm
     radius_mm: OptionalSignedMm = None
@@ -63,6 +70,9 @@ class Element:
     index_back: OptionalIndex = None
     focal_length_mm: OptionalSignedMm = None
     transmittance: Fraction = 1.0
+    coating_index: OptionalIndex = None
+    scatter: Annotated[Any, Field(description="a table [element.scatter]")] = None
+    important: Annotated[bool, Strict(), Field(description="true or false")] = False
 
     @model_validator(mode="after")
     def _check(self) -> Element:
@@ -84,12 +94,20 @@ class Element:
         return self
 
     def _check_kind(self) -> None:
-        for key in ("reflectance", "index_front", "index_back", "focal_length_mm"):
+        if self.scatter is not None and not hasattr(self.scatter, "tis_at"):
+            refuse(("scatter",), self.scatter, "be a model of irtscots_cl.scatter")
+        for key in CHOICES:
             value = getattr(self, key)
             if value is None and key in NEEDS.get(self.kind, ()):
                 refuse((key,), value, f"be given for kind {self.kind!r}")
             if value is not None and key not in ALLOWS[self.kind]:
                 refuse((key,), value, f"be left out for kind {self.kind!r}")
+        if self.coating_index is not None:
+            least = min(self.index_front, self.index_back)
+            if self.reflectance is not None:
+                refuse(("coating_index",), self.coating_index, "be left out where reflectance is given, or that")
+            if self.coating_index < least:
+                refuse(("coating_index",), self.coating_index, f"be at least {least!r}, the lower index beside it")
         if self.kind != "lens" and self.transmittance != 1.0:
             refuse(("transmittance",), self.transmittance, f"be left out for kind {self.kind!r}")
         if self.kind == "lens" and self.radius_mm is not None:

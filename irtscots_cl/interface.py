@@ -165,16 +165,35 @@ def element_dtype(real, groups: int) -> np.dtype:
     axis_*: its axes in the world; offset: from each group's origin to it, in its frame, and the sum of its magnitudes;
     origin: it from its own group's origin, in the world [mm]. q_*: geometry.Quadric. outer2, inner2: squares of the
     aperture's radii; half_u, half_v: of its width and height. reflectance: below 0 stands for Fresnel's. least_chance:
-    of either branch at a refractor. scattered: TIS of a scattering mirror, whose rays part with scatter_chance;
-    scatter: of kernels/scatter_*.cl.
+    of either branch at a refractor, least_weight: of the weaker one where both are followed.
     """
     fields = [(name, real, 3) for name in ("axis_x", "axis_y", "axis_z", "origin")]
     fields += [("offset", real, (groups, 4))]
     names = ("q_xx", "q_yy", "q_zz", "q_xz", "outer2", "inner2", "half_u", "half_v", "reflectance", "index_front",
-             "index_back", "least_chance", "inverse_focal_length", "transmittance", "scattered",
-             "scatter_chance")  # fmt: skip
-    fields += [(name, real) for name in names] + [("scatter", real, 3), ("group", np.int32)]
+             "index_back", "coating_index", "least_chance", "least_weight", "inverse_focal_length",
+             "transmittance")  # fmt: skip
+    fields += [(name, real) for name in names] + [("group", np.int32)]
     return np.dtype(fields, align=True)
+
+
+TIS_NODES = 33
+
+
+def scatter_structs(real, groups: int, elements: int, targets: int) -> dict[str, np.dtype]:
+    """Structures of all that scatters in a non-sequential trace, as kernels/scattered.cl reads them.
+
+    Target: a disk, its centre from each group's origin and its axes in the world [mm]. Lobe, one per element: numbers
+    of its kernels/scatter_*.cl; chance of a ray to part; of those, the share that the lobe draws; its shape, the
+    density (1 + d^2 inverse_l2)^(power - 1) about centre times the specular direction; tis: total integrated scatter
+    by the root of the cosine of incidence, at equal steps from 0 to 1; target: numbers of the targets aimed at.
+    """
+    target = np.dtype([("centre", real, (groups, 3)), ("axis_x", real, 3), ("axis_y", real, 3), ("axis_z", real, 3),
+                       ("radius", real)], align=True)  # fmt: skip
+    names = ("chance", "share", "inverse_l2", "power", "centre")
+    fields = [("numbers", real, 3), *((name, real) for name in names), ("tis", real, TIS_NODES)]
+    lobe = np.dtype([*fields, ("target_count", np.int32), ("target", np.int32, max(targets, 1))], align=True)
+    whole = [("targets", target, max(targets, 1)), ("lobes", lobe, max(elements, 1))]
+    return {"Target": target, "Lobe": lobe, "Scatter": np.dtype(whole, align=True)}
 
 
 PATH = np.dtype(
@@ -189,16 +208,19 @@ PATH = np.dtype(
 )
 
 
-def path_job_dtype(real, groups: int) -> np.dtype:
+KNOWN_STEPS = 2
+
+
+def path_job_dtype(real) -> np.dtype:
     """What a non-sequential launch is about: sizes of its tables, and where its rays start.
 
     found_size: entries for found paths, 0 in a run that keeps images. screen_group, screen_element: that rays start in
-    and on. inverse_unit_area: 1 / aim_ll aim_mm of the emitter whose rays weigh 1. aperture: from each group's origin
-    to the middle of the camera's aperture, in the world [mm].
+    and on. inverse_unit_area: 1 / aim_ll aim_mm of the emitter whose rays weigh 1. may: bits of the elements that a ray
+    may meet in its first steps.
     """
     names = ("path_count", "element_count", "found_size", "bounce_limit", "screen_group", "screen_element")
     fields = [(name, np.int32) for name in names]
-    return np.dtype([*fields, ("inverse_unit_area", real), ("aperture", real, (groups, 3))], align=True)
+    return np.dtype([*fields, ("inverse_unit_area", real), ("may", np.uint32, KNOWN_STEPS)], align=True)
 
 
 _C_NAMES = {

@@ -11,6 +11,7 @@ ESTIMATORS = ("forward", "adjoint")  # that trace rays on a device
 AIMS = ("mirror", "camera")  # of the forward estimator
 ANALYTIC = "analytic"  # the one that does not
 NONSEQUENTIAL = "nonsequential"  # from element to element in any order, by path
+BRANCHES = ("roulette", "both")  # of a ray at an interface: one by chance, or both
 MAX_SMOOTHED_RAYS = 2**32  # per pixel and replicate: a sum of so many 32-bit amounts stays below 2^63
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irtscots_cl.element import Element
 from irtscots_cl.geometry import Frame, Quadric
 from irtscots_cl.scene import Scene, SceneError
 from irtscots_cl.surface import Surface
@@ -14,6 +15,7 @@ STOP_RIM = 4.0  # radius of the camera's front plate, over the detector's diagon
 FAR_MM = 1000.0  # from the origins of groups, from which on an element has an origin of its own
 SAME_INDEX = 1e-9
 PLANE = Quadric(0.0, 0.0, 0.0)
+REFRACTORS = ("refractor", "coated")  # kinds between two media
 COPLANAR = 1e-9  # relative: an element so near the screen's plane lies in it
 
 
@@ -22,8 +24,8 @@ class Part:
     """One element. shape: "plane", "quadric" or "deviated"; kind: of a kernels/interact_*.cl.
 
     frame: z towards its front (the detector's and the camera's lens: along the light). outer_mm, inner_mm: radii of the
-    aperture; half_mm: of its width and height. reflectance: of a refractor, NaN for Fresnel's. scatter: of kind
-    "scattering", a scatter.ScatterModel.
+    aperture; half_mm: of its width and height. reflectance: of a refractor, NaN for Fresnel's. scatter: a
+    scatter.ScatterModel, or None.
     """
 
     name: str
@@ -39,7 +41,17 @@ class Part:
     index_back: float = 1.0
     focal_length_mm: float = np.inf
     transmittance: float = 1.0
+    coating_index: float = 1.0
     scatter: object = None
+
+    @property
+    def rim_mm(self) -> float:
+        """Radius of the least disk about its vertex that holds its aperture."""
+        return float(min(self.outer_mm, np.hypot(*self.half_mm)))
+
+    @property
+    def refracts(self) -> bool:
+        return self.kind in REFRACTORS
 
 
 def parts_of(scene: Scene) -> tuple[Part, ...]:
@@ -50,8 +62,7 @@ def parts_of(scene: Scene) -> tuple[Part, ...]:
 def _mirror(scene: Scene) -> Part:
     surface = Surface.of(scene.mirror)
     shape = "quadric" if surface.deviation is None else "deviated"
-    kind = "mirror" if scene.mirror.scatter is None else "scattering"
-    return Part("mirror", kind, shape, Frame(np.zeros(3), np.eye(3)), surface.quadric, surface.aperture_radius_mm,
+    return Part("mirror", "mirror", shape, Frame(np.zeros(3), np.eye(3)), surface.quadric, surface.aperture_radius_mm,
                 surface.obscuration_radius_mm, reflectance=scene.mirror.reflectance,
                 scatter=scene.mirror.scatter)  # fmt: skip
 
@@ -71,7 +82,7 @@ def _camera(scene: Scene) -> list[Part]:
     return [stop, *([lens] if camera.lens == "paraxial" else []), detector]
 
 
-def _element(element) -> Part:
+def _element(element: Element) -> Part:
     # a frame looks away from where its z points
     away = 2 * np.array(element.position_mm) - np.array(element.facing_mm)
     curved = element.radius_mm is not None
@@ -85,11 +96,45 @@ def _element(element) -> Part:
     reflectance = element.reflectance
     if reflectance is None:
         reflectance = 1.0 if element.kind == "mirror" else np.nan
+    frame = Frame.looking(element.position_mm, away)
     return Part(
-        element.name, element.kind, "quadric" if curved else "plane", Frame.looking(element.position_mm, away), quadric,
+        element.name, _kind(element), "quadric" if curved else "plane", frame, quadric,
         (element.diameter_mm or np.inf) / 2, element.obscuration_mm / 2, (width / 2, height / 2), reflectance,
         element.index_front or 1.0, element.index_back or 1.0, element.focal_length_mm or np.inf, element.transmittance,
+        element.coating_index or 1.0, element.scatter,
     )  # fmt: skip
+
+
+def _kind(element: Element) -> str:
+    """Of the part: by kernels/interact_*.cl."""
+    if element.kind == "refractor":
+        return "refractor" if element.coating_index is None else "coated"
+    if element.kind in ("absorber", "detector"):
+        return "absorber" if element.scatter is None else "wall"
+    return element.kind
+
+
+@dataclass(frozen=True)
+class Target:
+    """A disk about a frame's origin, in its plane z = 0."""
+
+    name: str
+    frame: Frame
+    radius_mm: float
+
+
+def targets_of(scene: Scene) -> tuple[Target, ...]:
+    """Disks that scattered rays are aimed at beside what their lobe says: where light that counts goes.
+
+    The camera's aperture; where not only the mirror scatters, the detector and the mirror; important elements.
+    """
+    parts = {part.name: part for part in parts_of(scene)}
+    camera = scene.camera
+    aperture = Target("stop", Frame.looking(camera.position_mm, camera.look_at_mm), camera.aperture_diameter_mm / 2)
+    names = [element.name for element in scene.element if element.important]
+    if any(element.scatter is not None for element in scene.element):
+        names = ["detector", "mirror", *names]
+    return (aperture, *(Target(name, parts[name].frame, parts[name].rim_mm) for name in names))
 
 
 def groups_of(scene: Scene, parts: tuple[Part, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -122,7 +167,7 @@ def check_media(scene: Scene, parts: tuple[Part, ...]) -> None:
 
     Between two interfaces that face each other there is one medium; beside the outermost ones there is air.
     """
-    refractors = [part for part in parts if part.kind == "refractor"]
+    refractors = [part for part in parts if part.refracts]
     for part in refractors:
         for sign, side, index in ((1.0, "front", part.index_front), (-1.0, "back", part.index_back)):
             others = [other for other in refractors if other is not part]

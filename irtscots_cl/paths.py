@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,7 +20,8 @@ MARKS = ("", " (r)", " (s)")  # of events in names: reflected at a refractor, sc
 class PathFlux:
     """Light that takes one path to the detector. kind: one of KINDS, or "other" for all paths that are not kept apart.
 
-    standard_error_w: from the replicates, NaN with one. rays: that came this way.
+    standard_error_w: from the replicates, NaN with one. rays: that came this way. focus_mm, blur_mm: how sharp it is on
+    the detector, as sequence.path_focus says; NaN where that is unknown.
     """
 
     name: str
@@ -28,21 +29,36 @@ class PathFlux:
     flux_w: float
     standard_error_w: float
     rays: int
+    focus_mm: float = float("nan")
+    blur_mm: float = float("nan")
+
+
+@dataclass(frozen=True)
+class StayingFlux:
+    """Light that ends elsewhere than on the detector. standard_error_w: as of PathFlux."""
+
+    name: str
+    flux_w: float
+    standard_error_w: float
 
 
 @dataclass(frozen=True)
 class PathLight(_Traced):
     """Result of a non-sequential trace.
 
-    paths: by flux, the largest first; the last, "other", holds those that the pilot run had not found. images_w:
-    [replicates, KINDS, screen columns + rows, detector pixels] under single lines [W]. ends: rays by where they ended.
-    ledger: the same in the words of all estimators. The rest as in transport.Transport.
+    paths: by flux, the largest first; the last, "other", holds those that the pilot run had not found. staying: light
+    that does not reach the detector, absorbed at elements, escaped or given up; in steps of 2^-20 of a ray. launched_w:
+    flux that leaves the screen in all; paths and staying add up to it in the mean. images_w: [replicates, KINDS, screen
+    columns + rows, detector pixels] under single lines [W]. ends: rays by where they ended. ledger: the same in the
+    words of all estimators. The rest as in transport.Transport.
     """
 
     scene: Scene
     options: TraceOptions
     device: dict[str, object]
     paths: tuple[PathFlux, ...]
+    staying: tuple[StayingFlux, ...]
+    launched_w: float
     images_w: np.ndarray = field(repr=False)
     rays: np.ndarray
     ends: dict[str, int]
@@ -64,8 +80,7 @@ class PathLight(_Traced):
         """The same with the light of paths of these kinds alone."""
         kept = np.isin(KINDS, kinds)[None, :, None, None]
         paths = tuple(path for path in self.paths if path.kind in kinds)
-        return PathLight(self.scene, self.options, self.device, paths, np.where(kept, self.images_w, 0.0), self.rays,
-                         self.ends, self.ledger, self.seconds)  # fmt: skip
+        return replace(self, paths=paths, images_w=np.where(kept, self.images_w, 0.0))
 
     def line_flux_w(self, axis: str, brightness: np.ndarray | None = None) -> np.ndarray:
         """Light curves [replicates, n, lines] in W of all paths; ValueError for a brightness."""

@@ -8,12 +8,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from irtscots_cl.comparison import HEIGHT_TERMS, Comparison, compare
 from irtscots_cl.device import Device
 from irtscots_cl.errorparts import ErrorPart, error_parts
 from irtscots_cl.files import check_output_folder, write_json, write_result
 from irtscots_cl.images import ImageStack
 from irtscots_cl.measures import measure_by
+from irtscots_cl.paths import PathLight
 from irtscots_cl.patterns import LineScan
 from irtscots_cl.prediction import predict_error
 from irtscots_cl.reconstruction import Reconstruction
@@ -51,8 +54,8 @@ def simulate(
 
     measure: a name of measures.MEASURES. parts: also separate the height error into its parts; rounding is told apart
     on the first device, not with a client. device, client: as of `trace`. trace_options: estimator, sampler, precision,
-    rays_per_pixel, replicates, seed, aim, overfill, smoothing, keeper of `trace`. Raises as `trace` and `measure_by`
-    do.
+    rays_per_pixel, replicates, seed, aim, overfill, smoothing, keeper, finished of `trace`. Raises as `trace` and
+    `measure_by` do.
     """
     started = time.perf_counter()
     transport = trace(scene, device=device, client=client, progress=progress, **trace_options)
@@ -66,6 +69,22 @@ def simulate(
     separated = error_parts(result, scene, measure, transport.options, first) if parts else ()
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
     return Run(transport, stack, result, comparison, separated, report)
+
+
+def outlook(traced: Transport | LineLight | PathLight, measure: str) -> str:
+    """What a trace of some replicates says of the error, in words; "" where it says nothing yet."""
+    flux_w = traced.line_flux_w("x").sum((1, 2))
+    if len(flux_w) < 2 or not flux_w.all():
+        return ""
+    words = f"standard error of the flux {flux_w.std(ddof=1) / len(flux_w) ** 0.5 / flux_w.mean():.1g}"
+    stack = traced.images(LineScan(traced.scene))
+    try:
+        # refinement takes long, and leaves ray noise as it is
+        result = measure_by("fine" if measure == "refined" else measure, stack, traced.scene.nominal())
+    except ValueError:  # too little light yet
+        return words
+    height_nm = predict_error(result, stack).height_mm * 1e6
+    return f"{words}, height error {height_nm:.2g} nm" if np.isfinite(height_nm) else words
 
 
 def write_run(run: Run, folder: Path) -> None:

@@ -93,8 +93,11 @@ class MeetProbe(_Probe):
         items = -(-count // self.width)
         padded = np.zeros((4, items * self.width), self.real)
         padded[:, :count] = lines
-        outputs = [np.zeros((8, padded.shape[1]), self.real), np.zeros((2, padded.shape[1]), np.int32)]
-        met, marks = (out[:, :count] for out in self._run(items, [padded], outputs))
+        vectors = padded.reshape(4, items, self.width).transpose(1, 0, 2)
+        outputs = [np.zeros((items, 8, self.width), self.real), np.zeros((items, 2, self.width), np.int32)]
+        met, marks = (
+            out.transpose(1, 0, 2).reshape(out.shape[1], -1)[:, :count] for out in self._run(items, [vectors], outputs)
+        )
         return Met(met[0:3], met[3:6], met[6:8], *marks.astype(bool))
 
 

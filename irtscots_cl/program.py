@@ -8,6 +8,7 @@ with #line before it, so that a compiler's message names the right file and line
 from __future__ import annotations
 
 import re
+import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -15,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pyopencl as cl
 
-from irtscots_cl.device import Device, DeviceError
+from irtscots_cl.device import Device, DeviceError, first_line
 from irtscots_cl.interface import PRECISIONS, c_declarations
 
 _INCLUDE = re.compile(r'^#include "([a-z0-9_]+(?:_\*)?\.cl)"\s*$')
@@ -32,11 +33,12 @@ def kernels_folder() -> Path:
 
 @dataclass(frozen=True)
 class Source:
-    """A composed OpenCL source: text, build options, and the kernel files in it in order."""
+    """A composed OpenCL source: text, build options, the kernel files in it in order, the precision of its reals."""
 
     text: str
     options: tuple[str, ...]
     files: tuple[str, ...]
+    precision: str
 
 
 def compose(
@@ -68,7 +70,7 @@ def compose(
     declarations += "".join(f"#define {name} {text}\n" for name, text in (macros or {}).items())
     text = '#line 1 "interface (generated)"\n' + declarations + "".join(pieces)
     options = (f"-DWIDTH={width}",) if width > 1 else ()
-    return Source(text, (*options, "-cl-std=CL1.2"), tuple(files))
+    return Source(text, (*options, "-cl-std=CL1.2"), tuple(files), precision)
 
 
 def _pragma(precision: str) -> str:
@@ -110,19 +112,29 @@ def build(device: Device, source: Source) -> cl.Program:
 
     Across processes binary caches of the user serve: the driver's own (PoCL, NVIDIA), else PyOpenCL's, whose key is the
     source, the options, the device and its driver.
-    Raises DeviceError if the device's compiler refuses the source.
+    Raises DeviceError if the device's compiler refuses the source; the compiler's log is in the file that it names.
     """
     key = (device.context, source)
     if key not in _built:
         try:
-            program = cl.Program(device.context, source.text).build(options=list(source.options))
+            _built[key] = cl.Program(device.context, source.text).build(options=list(source.options))
         except cl.Error as error:
-            log = next((line for line in str(error).splitlines() if "error" in line.lower()), str(error))
-            raise DeviceError(
-                f"device {device.index} {device.name}: kernels do not build: {log.strip()[:300]}"
-            ) from error
-        _built[key] = program
+            log = str(error)
+            line = next((line for line in log.splitlines() if "error" in line.lower()), first_line(error))
+            told = f"{device.label}: kernels do not build: {line.strip()[:300]}"
+            raise DeviceError(f"{told}; {_keep_log(log)}") from error
     return _built[key]
+
+
+def _keep_log(log: str) -> str:
+    """Write a compiler's log to a new file in the user's folder for temporary files; says where it is."""
+    try:
+        handle, path = tempfile.mkstemp(prefix="irtscots-build-", suffix=".log")  # its name cannot be guessed
+        with open(handle, "w", encoding="utf-8", errors="replace") as file:
+            file.write(log + "\n")
+    except OSError as error:
+        return f"its log could not be kept: {error}"
+    return f"the compiler's log: {path}"
 
 
 def check_precision(device: Device, precision: str) -> None:
@@ -130,4 +142,4 @@ def check_precision(device: Device, precision: str) -> None:
     if precision not in PRECISIONS:
         raise ValueError(f"precision = {precision!r}: must be fp32 or fp64")
     if precision == "fp64" and not device.has_fp64:
-        raise DeviceError(f"--precision = fp64: device {device.index} {device.name} has no double precision; use fp32")
+        raise DeviceError(f"--precision = fp64: {device.label} has no double precision; use fp32")

@@ -111,7 +111,12 @@ def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> dict:
         "seconds": light.seconds,
         "rays_per_second": light.rays_total / light.seconds["trace"],
         "ends": light.ends,
+        "launched_w": light.launched_w,
         "direct_w": direct,
+        "staying": [
+            {"end": stays.name, "flux_w": stays.flux_w, "flux_standard_error_w": stays.standard_error_w}
+            for stays in light.staying
+        ],
         "stray_light": [
             {"kind": s.kind, "of_direct": s.of_direct, "height_nm_rms": s.height_nm.value,
              "height_nm_rms_standard_error": s.height_nm.standard_error, "lost_pixels": s.lost_pixels}
@@ -125,6 +130,8 @@ def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> dict:
                 "flux_standard_error_w": path.standard_error_w,
                 "of_direct": path.flux_w / direct if direct else math.nan,
                 "rays": path.rays,
+                "focus_mm": path.focus_mm,
+                "blur_mm": path.blur_mm,
             }
             for path in light.paths
         ],
@@ -132,23 +139,30 @@ def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> dict:
 
 
 def path_tables(facts: dict) -> list[Table]:
-    """The paths by flux, and where all rays ended."""
+    """The paths by flux, and where all rays ended and all light stayed."""
     shown = [path for path in facts["paths"] if path["rays"]]
     stray = [(s["kind"], f"{s['of_direct']:.3g}",
               str(Estimate(s["height_nm_rms"], s["height_nm_rms_standard_error"])), str(s["lost_pixels"]))
              for s in facts["stray_light"]]  # fmt: skip
-    ends = [(end, f"{count:,}") for end, count in facts["ends"].items() if count]
+    flux = {s["end"]: str(Estimate(s["flux_w"], s["flux_standard_error_w"])) for s in facts["staying"] if s["flux_w"]}
+    flux |= {"launched": f"{facts['launched_w']:.5g}", "detected": f"{sum(p['flux_w'] for p in facts['paths']):.5g}"}
+    ends = [(end, f"{count:,}", flux.get(end, "")) for end, count in facts["ends"].items() if count or end in flux]
     return [
         Table(
             f"{facts['scene']}: paths from the screen to the detector",
-            ("path", "kind", "flux [W]", "of direct", "rays"),
+            ("path", "kind", "flux [W]", "of direct", "rays", "focus [mm]", "blur [mm]"),
             [(p["path"], p["kind"], str(Estimate(p["flux_w"], p["flux_standard_error_w"])), f"{p['of_direct']:.3g}",
-              f"{p['rays']:,}") for p in shown],
+              f"{p['rays']:,}", _short_mm(p["focus_mm"]), _short_mm(p["blur_mm"])) for p in shown],
         ),
         *([Table("What it adds to the height, piston and tilt removed",
                  ("light", "of direct", "height [nm rms]", "pixels lost"), stray)] if stray else []),
-        Table("Rays by where they ended", ("", ""), ends),
+        Table("Rays by where they ended, and the light that stayed there", ("", "rays", "flux [W]"), ends),
     ]  # fmt: skip
+
+
+def _short_mm(length_mm: float) -> str:
+    """A length to a micrometre, nothing where there is none."""
+    return f"{round(length_mm, 3) + 0.0:.3f}" if math.isfinite(length_mm) else ""  # + 0.0: no minus before a zero
 
 
 def _part(part: ErrorPart) -> dict:

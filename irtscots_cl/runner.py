@@ -40,12 +40,13 @@ def run_rays(
     progress: Callable[[int, int], None] | None = None,
     launch_rays: int | None = None,
     kept: KeptTrace | None = None,
+    finished: Callable[[tuple[np.ndarray, ...]], None] | None = None,
 ) -> tuple[np.ndarray, ...]:
     """Trace rays [replicates] rays per stream; returns the job's sums, each [replicates, ...].
 
     progress(done, total) is called after each launch with ray numbers. launch_rays: rays per launch, instead of timing.
-    kept: where the sums are saved now and then, and what is there is gone on with. Raises checkpoint.Interrupted if it
-    says so.
+    kept: where the sums are saved now and then, and what is there is gone on with. finished: called with the sums so
+    far when a replicate is complete and others are to come. Raises checkpoint.Interrupted if kept says so.
     """
     total, end, place = int(rays.sum()) * job.streams, Place(len(rays)), Place()
     job.pace.kernel_seconds = 0.0
@@ -53,6 +54,8 @@ def run_rays(
     found = tuple(np.zeros((len(rays), *array.shape), array.dtype) for array in job.sums())
     if kept is not None:
         place = kept.begin(job.facts, rays, job.streams, job.max_rays_per_item, found)
+    if progress is not None and place != Place():
+        progress(place.rays_before(rays, job.streams), total)
     while place != end:
         replicate, of_replicate = place.replicate, int(rays[place.replicate])
         paced = _pace(job, launch_rays)
@@ -63,6 +66,8 @@ def run_rays(
                 progress(place.rays_before(rays, job.streams), total)
             if place.replicate > replicate:
                 _collect(job, found, replicate)
+                if finished is not None and place != end:
+                    finished(tuple(array[: place.replicate] for array in found))
             if kept is not None and place != end:
                 kept.launched(place, job.pace.kernel_seconds, lambda at=place.replicate: _collect(job, found, at))
     if kept is not None:

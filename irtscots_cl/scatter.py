@@ -36,6 +36,9 @@ _SCALE = _range(gt=0, le=1e12)
 _KNEE = _range(ge=1e-30, le=1e12)
 _POWER = _range(ge=0, le=10)
 _OptionalScale = Annotated[Annotated[float, Strict(), _SCALE] | None, Field(description=_SCALE.description)]
+_LENGTH = _range(gt=0, le=1e6)
+_OptionalLength = Annotated[Annotated[float, Strict(), _LENGTH] | None, Field(description=_LENGTH.description)]
+SIZES = ("b0", "tis", "roughness_nm")  # of a Harvey lobe
 _OptionalFraction = Annotated[Fraction | None, Field(description="a finite number above 0 and at most 1")]
 
 
@@ -128,7 +131,8 @@ class Lambertian(ScatterModel):
 class Harvey(ScatterModel):
     """Harvey-Shack: BSDF = b0 (1 + (d / l)^2)^(s / 2), of shoulder l and slope s.
 
-    Its size is told by exactly one of b0 [1/sr] and tis, the total integrated scatter at normal incidence.
+    Its size is told by exactly one of b0 [1/sr], of tis, the total integrated scatter at normal incidence, and of
+    roughness_nm (rms) with wavelength_nm, from which tis_of_roughness makes that of a mirror.
     J. E. Harvey, Light-Scattering Characteristics of Optical Surfaces, thesis, University of Arizona, 1976.
     """
 
@@ -136,20 +140,31 @@ class Harvey(ScatterModel):
     s: Annotated[float, Strict(), _SLOPE]
     b0: _OptionalScale = None
     tis: _OptionalFraction = None
+    roughness_nm: _OptionalLength = None
+    wavelength_nm: _OptionalLength = None
 
     @model_validator(mode="after")
     def _check(self) -> Harvey:
-        if self.b0 is None and self.tis is None:
-            refuse(("b0",), None, f"be {_SCALE.description}, unless tis is given in its place")
-        if self.b0 is not None and self.tis is not None:
-            refuse(("tis",), self.tis, f"be left out where b0 ({self.b0!r}) is given: exactly one of b0, tis")
+        given = [key for key in SIZES if getattr(self, key) is not None]
+        if not given:
+            refuse(("b0",), None, f"be {_SCALE.description}, unless tis or roughness_nm is given in its place")
+        if len(given) > 1:
+            first, other = given[:2]
+            must = f"be left out where {first} ({getattr(self, first)!r}) is given: exactly one of {', '.join(SIZES)}"
+            refuse((other,), getattr(self, other), must)
+        if (self.roughness_nm is None) != (self.wavelength_nm is None):
+            refuse(("wavelength_nm",), self.wavelength_nm, "be given with roughness_nm, and only then")
         if self.b0 is not None:
             _check_total(self, "b0", self.b0)
         return self
 
     @functools.cached_property
     def _scale(self) -> float:
-        return self.b0 if self.tis is None else float(self.tis / self._area(np.float64(1.0)))
+        if self.b0 is not None:
+            return self.b0
+        rough = self.tis is None
+        total = tis_of_roughness(self.roughness_nm, self.wavelength_nm, exact=True) if rough else self.tis
+        return float(total / self._area(np.float64(1.0)))
 
     def _profile(self, d: np.ndarray) -> np.ndarray:
         return np.exp(self.s / 2 * np.log1p((d / self.l) ** 2))

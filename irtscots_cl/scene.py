@@ -246,11 +246,11 @@ class Scene:
         if isinstance(entries, list):
             terms = [_zernike_from_toml(e, source, ("mirror", "zernike", k)) for k, e in enumerate(entries)]
             mirror = {**mirror, "zernike": terms}
-        if isinstance(mirror, dict) and "scatter" in mirror:
-            from irtscots_cl.scatter import scatter_from_table  # few scenes wait for NumPy
-
-            mirror = {**mirror, "scatter": scatter_from_table(mirror["scatter"], source, ("mirror", "scatter"))}
+        mirror = _with_scatter(mirror, source, ("mirror",))
         data = {**data, "mirror": mirror} if isinstance(mirror, dict) else data
+        if isinstance(data, dict) and isinstance(data.get("element"), list):
+            elements = [_with_scatter(entry, source, ("element", k)) for k, entry in enumerate(data["element"])]
+            data = {**data, "element": elements}
         return _validated(cls, data, source)
 
     @property
@@ -278,6 +278,15 @@ def _validated(kind: Any, data: object, source: str, prefix: tuple[Any, ...] = (
         return _adapter(kind).validate_python(data)
     except ValidationError as error:
         raise translate(error, kind, source, prefix, rename) from None
+
+
+def _with_scatter(table: object, source: str, steps: tuple[Any, ...]) -> object:
+    """The table with its scatter, if it has any, as a model."""
+    if not isinstance(table, dict) or "scatter" not in table:
+        return table
+    from irtscots_cl.scatter import scatter_from_table  # few scenes wait for NumPy
+
+    return {**table, "scatter": scatter_from_table(table["scatter"], source, (*steps, "scatter"))}
 
 
 def _zernike_from_toml(entry: object, source: str, prefix: tuple[Any, ...]) -> ZernikeTerms:
@@ -308,6 +317,8 @@ def _toml_value(value: Any) -> str:
         return '"' + "".join(plain) + '"'
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{key} = {_toml_value(v)}" for key, v in value.items()) + " }"
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, tuple):
         return "[" + ", ".join(_toml_value(v) for v in value) + "]"
     return repr(value)

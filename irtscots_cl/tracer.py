@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 
 import numpy as np
 
@@ -53,6 +54,7 @@ def trace(
     progress: Callable[[int, int], None] | None = None,
     launch_rays: int | None = None,
     keeper: Keeper | None = None,
+    finished: Callable[[Transport | LineLight | PathLight], None] | None = None,
 ) -> Transport | LineLight | PathLight:
     """Trace rays_per_pixel rays per screen pixel (forward) or per detector pixel (adjoint).
 
@@ -64,7 +66,8 @@ def trace(
     estimator, sampler, precision, seed, aim, overfill, smoothing: see TraceOptions. progress(done, total) is called
     after each launch with ray numbers. launch_rays: rays per launch, instead of timing; no result depends on it. Same
     seed and device, same bits. keeper: saves the sums now and then, and goes on from what it has; an interrupted trace
-    that goes on gives the bits of one that was not.
+    that goes on gives the bits of one that was not. finished: called with the trace so far when a replicate is complete
+    and others are to come.
 
     Raises ValueError for an argument out of range, SceneError if no pixel sees the screen, DeviceError if the device
     cannot do it, checkpoint.Interrupted if the keeper ends it.
@@ -73,7 +76,7 @@ def trace(
     if estimator == NONSEQUENTIAL:
         return trace_paths(scene, device=device, sampler=sampler, precision=precision, rays_per_pixel=rays_per_pixel,
                            replicates=replicates, seed=seed, overfill=overfill, progress=progress,
-                           client=client, keeper=keeper)  # fmt: skip
+                           client=client, keeper=keeper, finished=finished)  # fmt: skip
     check_sequential(scene, estimator)
     if estimator == ANALYTIC:
         return trace_analytic(scene)
@@ -85,18 +88,21 @@ def trace(
     check_visible(calibrate(scene), f"scene {scene.name}")
     site = site_of(device, client)
     kept = None if keeper is None else keeper.file_of(trace_facts(scene, options, rays, site.about()))
-    return _trace_rays(scene, site, options, rays, progress, launch_rays, kept)
+    return _trace_rays(scene, site, options, rays, progress, launch_rays, kept, finished)
 
 
-def _trace_rays(scene: Scene, site: Site, options: TraceOptions, rays: np.ndarray, progress, launch_rays, kept):
+def _trace_rays(
+    scene: Scene, site: Site, options: TraceOptions, rays: np.ndarray, progress, launch_rays, kept, finished
+) -> Transport | LineLight:
     """The forward or the adjoint estimator, with windows as wide as it takes."""
     margin = 1 if kept is None else kept.margin()
     while True:
         started = time.perf_counter()
         work = TraceWork(scene, options, margin, int(rays.max()))
         prepared = time.perf_counter() - started
-        ran = site.run(work, rays, progress, launch_rays, kept)
-        counts, fates = work.with_detected(*ran.sums, rays)
+        so_far = None if finished is None else partial(_pass_on, finished, work, site, rays)
+        ran = site.run(work, rays, progress, launch_rays, kept, so_far)
+        counts, fates = work.totals(ran.sums, rays)
         if fates[Fate.OFF_WINDOW] == 0:
             break
         if kept is not None:
@@ -104,13 +110,17 @@ def _trace_rays(scene: Scene, site: Site, options: TraceOptions, rays: np.ndarra
         margin *= 2  # light fell beside a window: wider ones, from the start
         if margin > MAX_MARGIN:
             raise RuntimeError(f"{fates[Fate.OFF_WINDOW]} rays land where no chief ray says that light can come")
-    ledger, windows = ledger_from(fates, int(rays.sum()) * work.streams), work.windows
-    seconds = ran.seconds | {"build": ran.seconds["build"] + prepared}
-    seconds |= {name: seconds[name] + before for name, before in (kept.seconds if kept is not None else {}).items()}
-    if options.smoothing:
-        flux = line_flux(counts, windows, work.unit_w[:, 0], rays)
-        return LineLight(scene, options, ran.device, windows, flux, rays, ledger, seconds)
-    return Transport(scene, options, ran.device, windows, counts, work.unit_w, rays, ledger, seconds)
+    before = {"build": prepared} | ({} if kept is None else kept.seconds)
+    seconds = {name: ran.seconds[name] + before.get(name, 0.0) for name in ran.seconds}
+    return work.result(counts, fates, rays, ran.device, seconds)
+
+
+def _pass_on(finished, work: TraceWork, site: Site, rays: np.ndarray, sums: tuple[np.ndarray, ...]) -> None:
+    """Give `finished` the trace so far, unless it is one that begins again."""
+    rays = rays[: len(sums[0])]
+    counts, fates = work.totals(sums, rays)
+    if fates[Fate.OFF_WINDOW] == 0:
+        finished(work.result(counts, fates, rays, site.describe(), {"build": 0.0, "trace": 0.0, "kernels": 0.0}))
 
 
 def check_sequential(scene: Scene, estimator: str) -> None:
@@ -157,12 +167,22 @@ class TraceWork:
         data = json.loads(text)
         return cls(parse_scene(data["scene"]), TraceOptions(**data["options"]), data["margin"], data["rays"])
 
-    def with_detected(self, counts: np.ndarray, fates: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The sums of a run of rays [replicates], those by fate [Fate] of all replicates and complete."""
-        fates = fates.sum(0)
+    def totals(self, sums: tuple[np.ndarray, ...], rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Counts, and the fates of all replicates together, of a run of rays [replicates]."""
+        counts, fates = sums[0], sums[1].sum(0)
         if self.options.estimator == "adjoint":  # its windows hold weights, so the kernel counts only the others
             fates[Fate.DETECTED] = int(rays.sum()) * self.streams - int(fates.sum())
         return counts, fates
+
+    def result(
+        self, counts: np.ndarray, fates: np.ndarray, rays: np.ndarray, device: dict, seconds: dict[str, float]
+    ) -> Transport | LineLight:
+        """The trace of rays [replicates] per stream from its totals. device: facts of where it ran."""
+        ledger = ledger_from(fates, int(rays.sum()) * self.streams)
+        if self.options.smoothing:
+            flux = line_flux(counts, self.windows, self.unit_w[:, 0], rays)
+            return LineLight(self.scene, self.options, device, self.windows, flux, rays, ledger, seconds)
+        return Transport(self.scene, self.options, device, self.windows, counts, self.unit_w, rays, ledger, seconds)
 
     def _sources(self, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
         """The kernel's emitters or receivers, and unit_w."""
@@ -255,7 +275,7 @@ class Tracer:
 
         With smoothing, counts are second differences (see kernels/trace_lines.cl).
         """
-        return self._work.with_detected(*run_rays(self, rays, progress, launch_rays, kept), rays)
+        return self._work.totals(run_rays(self, rays, progress, launch_rays, kept), rays)
 
     def clear(self) -> None:
         for buffer in (self._counts, self._ledger):

@@ -1,20 +1,27 @@
-// What becomes of light on its way: rays counted where they end, and the detector's images by path.
+// What becomes of light on its way: rays and weights counted where they end, and the detector's images by path.
 #include "interaction.cl"
 #include "spawn_*.cl"
 #include "sum64.cl"
 
-// Ends of rays, then one for each element; PATH_PARTED counts those that were not launched but parted from others.
+// The sums: rays by their ends, then absorbed ones for each element; then the weight that stays at each element, that
+// escapes and that is given up; then for each path its rays and its flux. PATH_PARTED counts rays that were not launched
+// but parted from others.
 enum { PATH_DETECTED, PATH_ESCAPED, PATH_BOUNCE_LIMIT, PATH_FAILED, PATH_PARTED, PATH_ABSORBED };
-#define MAX_SUMS 192   // PATH_ABSORBED + 20 elements + 2 x 64 paths
+#define MAX_SUMS 200   // PATH_ABSORBED + 2 x 20 elements + 2 + 2 x 64 paths
 
-// Path, a path that is kept: scale makes weights whole numbers below 2^31, so that 2^33 rays fit a sum; kind: the
+// Weights that stay are whole numbers of these: 2^43 rays fit a sum.
+#define STAYING_ONE 0x1p20f
+#define STAYING_MOST 2000.0f   // times STAYING_ONE it fits an int
+
+// paths, a path that is kept: scale makes weights whole numbers below 2^31, so that 2^33 rays fit a sum; kind: the
 // strangest of its events, an EVENT_*; class_scale: the same for the images of all paths of that kind.
 typedef struct {
     __constant Scene *scene;
     __constant Element *elements;
+    __constant Scatter *scatter;
     const Launch *launch;
     __global const Path *paths;
-    __global uint *sums;          // 64-bit: [fates and elements] rays, then for each path its rays and its flux
+    __global uint *sums;          // 64-bit
     __global uint *images;        // 64-bit: [classes][screen columns and rows][detector pixels]
     __global uint *found;         // number of entries, then (low, high, weight's bits) of detected rays
     const PathJob *job;
@@ -24,6 +31,20 @@ typedef struct {
 } Trace;
 
 INLINE void count_rays(const Trace *trace, int fate, uint count) { trace->own[fate] += count; }
+
+// Adds weight that stays; place: an element, or beyond them 0: escaped, 1: given up.
+INLINE void count_weight_of(const Trace *trace, int place, real weight) {
+    trace->own[PATH_ABSORBED + trace->job->element_count + place] += (ulong)((float)weight * STAYING_ONE + 0.5f);
+}
+INLINE void count_weight(const Trace *trace, int place, maskv stays, realv weight) {
+    if (any_lane(stays & (weight > STAYING_MOST))) {
+        for (ulong lanes = mask_word(stays); lanes != 0; lanes &= lanes - 1)
+            count_weight_of(trace, place, ((const real *)&weight)[lowest_lane(lanes)]);
+        return;
+    }
+    const realv counted = stays ? weight * STAYING_ONE + (real)0.5 : (realv)(0);
+    trace->own[PATH_ABSORBED + trace->job->element_count + place] += sum_lanes(to_int(counted));
+}
 
 // Keeps one detected ray at (u, v) of the detector's frame, whose z runs along the light: the image is upside down.
 INLINE void detect(const Trace *trace, real u, real v, real weight, uint low, uint high) {
@@ -46,7 +67,7 @@ INLINE void detect(const Trace *trace, real u, real v, real weight, uint low, ui
     int p = 0;
     while (p < trace->job->path_count - 1 && (trace->paths[p].low != low || trace->paths[p].high != high)) ++p;
     const Path path = trace->paths[p];   // the last one stands for all others
-    const int base = PATH_ABSORBED + trace->job->element_count + 2 * p;
+    const int base = PATH_ABSORBED + 2 * trace->job->element_count + 2 + 2 * p;
     trace->own[base] += 1;
     trace->own[base + 1] += (ulong)((float)weight * path.scale + 0.5f);
     const ulong amount = (ulong)((float)weight * path.class_scale + 0.5f);
@@ -56,29 +77,59 @@ INLINE void detect(const Trace *trace, real u, real v, real weight, uint low, ui
     sum64_add(trace->images, (first + launch->screen_columns + trace->row) * pixels + pixel, amount);
 }
 
-// What becomes of rays at an element, where `meets`: those that end are counted as absorbed by it, or detected. Returns
-// which of them end.
-#define FINISH_ABSORBED(kind)                                                                                \
-    INLINE maskv finish_##kind(const Trace *trace, const Rays *rays, int v, int number, maskv meets,         \
-                               const Interaction *at) {                                                      \
-        const maskv ended = meets & at->ends;                                                                \
-        count_rays(trace, PATH_ABSORBED + number, lanes_in(ended));                                \
-        return ended;                                                                                        \
-    }
+// Back to the world, from the origin of the element's own group.
+INLINE void interaction_end(__constant Element *element, Rays *rays, int v, int number, maskv meets, realv bound, realv step,
+                            const Interaction *at) {
+    __constant real *o = element->origin;
+    const vec3v p = to_world(element, at->point), d = to_world(element, at->goes);
+    rays->x[v] = meets ? p.x + o[0] : rays->x[v];
+    rays->y[v] = meets ? p.y + o[1] : rays->y[v];
+    rays->z[v] = meets ? p.z + o[2] : rays->z[v];
+    rays->dx[v] = meets ? d.x : rays->dx[v];
+    rays->dy[v] = meets ? d.y : rays->dy[v];
+    rays->dz[v] = meets ? d.z : rays->dz[v];
+    rays->reach[v] = reach_of(rays->x[v], rays->y[v], rays->z[v]);
+    rays->weight[v] = meets ? at->arriving * at->weight : rays->weight[v];
+    uintv low = rays->path_low[v], high = rays->path_high[v];
+    path_push(&low, &high, as_uintv(at->event + (EVENT_KINDS * number + 1)));
+    const intv here = to_int(meets);
+    rays->path_low[v] = here != 0 ? low : rays->path_low[v];
+    rays->path_high[v] = here != 0 ? high : rays->path_high[v];
+    const intv touches = here & to_int(step <= bound);
+    rays->before[v] = here != 0 ? (touches != 0 ? rays->last[v] : (intv)(-1)) : rays->before[v];
+    rays->last[v] = here != 0 ? (intv)(number) : rays->last[v];
+    rays->group[v] = here != 0 ? (intv)(element->group) : rays->group[v];
+}
+
+// Of elements that do not scatter: all light stays specular, and none parts.
+#define none_left(trace, number, at) ((realv)(1))
+#define none_part(trace, rays, v, number, meets, at)
+
+// Rays go on from an element (leave_*), and end there (finish_*, where `meets`; returns which). left: share of the light
+// that does not scatter.
 #define leave_mirror interaction_end
 #define leave_lens interaction_end
-#define leave_refractor interaction_end
+#define leave_wall interaction_end
 #define leave_detector interaction_end
-#define leave_scattering interaction_end
 #define leave_absorber(...)   // nothing leaves it
-FINISH_ABSORBED(mirror)
-FINISH_ABSORBED(absorber)
-FINISH_ABSORBED(lens)
-FINISH_ABSORBED(refractor)
+#define FINISH(kind, staying)                                                                                \
+    INLINE maskv finish_##kind(const Trace *trace, const Rays *rays, int v, int number, maskv meets,         \
+                               const Interaction *at, realv left) {                                          \
+        const maskv ended = meets & at->ends;                                                                \
+        count_rays(trace, PATH_ABSORBED + number, lanes_in(ended));                                          \
+        count_weight(trace, number, meets, at->arriving * at->absorbed * (staying));                         \
+        return ended;                                                                                        \
+    }
+FINISH(mirror, 1)
+FINISH(lens, 1)
+FINISH(absorber, 1)
+FINISH(wall, left)
 
-INLINE maskv finish_detector(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at) {
+INLINE maskv finish_detector(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at,
+                             realv left) {
     const maskv front = meets & (dot3(at->along, at->normal) > 0), back = meets & !front;
     count_rays(trace, PATH_ABSORBED + number, lanes_in(back));
+    count_weight(trace, number, back, at->arriving);
     for (ulong lanes = mask_word(front); lanes != 0; lanes &= lanes - 1) {
         const int k = lowest_lane(lanes);
         detect(trace, ((const real *)&at->point.x)[k], ((const real *)&at->point.y)[k], ((const real *)&rays->weight[v])[k],

@@ -1,4 +1,7 @@
 // An absorber: baffles, stops, walls. Black on both sides.
 #include "interaction.cl"
 
-INLINE void interact_absorber(__constant Element *element, Interaction *at) { at->ends = to_mask(at->event == at->event); }
+INLINE void interact_absorber(__constant Element *element, Interaction *at) {
+    at->absorbed = (realv)(1);
+    at->ends = to_mask(at->event == at->event);
+}

@@ -10,4 +10,5 @@ INLINE void interact_lens(__constant Element *element, Interaction *at) {
     const realv scale = 1 / real_sqrt(1 + p * p + q * q);
     at->goes = (vec3v){p * scale, q * scale, forward * scale};
     at->weight = element->transmittance;
+    at->absorbed = 1 - at->weight;
 }

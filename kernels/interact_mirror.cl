@@ -3,6 +3,7 @@
 
 INLINE void interact_mirror(__constant Element *element, Interaction *at) {
     at->goes = mirrored(at->along, at->normal);
-    at->weight = element->reflectance;
     at->ends = dot3(at->along, at->normal) >= 0;
+    at->weight = at->ends ? (realv)(0) : (realv)(element->reflectance);
+    at->absorbed = 1 - at->weight;
 }

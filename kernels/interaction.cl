@@ -1,11 +1,13 @@
 // What the interact_* files share: rays of a vector at one element, on their way through it. Frame: the element's. mm.
 #include "element.cl"
 
-// point, normal (unit, towards the front), along: of a ray where it meets the element; goes: its direction afterwards,
-// weight: what its weight is multiplied by. event: what happens. ends: it goes no further. draw: a random word.
+// point, normal (unit, towards the front), along: of a ray where it meets the element; goes: its direction afterwards.
+// arriving: its weight before; weight: what that is multiplied by; absorbed: the share of it that stays there. parts:
+// weight of a second ray, mirrored, that parts from it here. event: what happens. ends: it goes no further. draw: a
+// random word.
 typedef struct {
     vec3v point, normal, along, goes;
-    realv weight;
+    realv arriving, weight, absorbed, parts;
     intv event;
     maskv ends;
     uintv draw;
@@ -17,3 +19,16 @@ INLINE vec3v blend3(maskv mask, vec3v yes, vec3v no) {
 
 // Direction of a mirrored ray; all unit vectors.
 INLINE vec3v mirrored(vec3v along, vec3v normal) { return vector_along(along, -2 * dot3(along, normal), normal); }
+
+INLINE vec3v to_world(__constant Element *element, vec3v a) {
+    __constant real *x = element->axis_x, *y = element->axis_y, *z = element->axis_z;
+    return (vec3v){x[0] * a.x + y[0] * a.y + z[0] * a.z, x[1] * a.x + y[1] * a.y + z[1] * a.z,
+                   x[2] * a.x + y[2] * a.y + z[2] * a.z};
+}
+
+// One ray of a vector.
+typedef struct { real x, y, z; } vec3s;
+
+INLINE vec3s lane_of(vec3v a, int k) {
+    return (vec3s){((const real *)&a.x)[k], ((const real *)&a.y)[k], ((const real *)&a.z)[k]};
+}

@@ -1,6 +1,8 @@
-// BSDF of the ABg model [1/sr], A / (B + d^g); verb as in scatter_harvey.cl. scatter: A, B, g / 2.
-#include "simd_*.cl"
+// The ABg model: BSDF [1/sr] = A / (B + d^g); see scatter_harvey.cl. numbers: A, B, g / 2.
+#include "scattered.cl"
 
-INLINE real scatter_bsdf(__constant Element *element, real distance2) {
-    return element->scatter[0] / (element->scatter[1] + pow(distance2, element->scatter[2]));
+INLINE real bsdf_abg(__constant Lobe *lobe, real d2) {
+    return lobe->numbers[0] / (lobe->numbers[1] + pow(d2, lobe->numbers[2]));
 }
+
+SCATTERS(abg)

@@ -1,4 +1,6 @@
-// BSDF of a Lambertian scatterer [1/sr]; verb as in scatter_harvey.cl.
-#include "simd_*.cl"
+// Lambertian scatterers: the same BSDF [1/sr] everywhere. numbers: it.
+#include "scattered.cl"
 
-INLINE real scatter_bsdf(__constant Element *element, real distance2) { return element->scatter[0]; }
+INLINE real bsdf_lambertian(__constant Lobe *lobe, real d2) { return lobe->numbers[0]; }
+
+SCATTERS(lambertian)

@@ -16,6 +16,7 @@ typedef uint wordv;
 
 #define BLOCK 1                           // nothing to compact: a work-item bins each ray at once
 #define BLOCK_VECTORS 1
+#define SPAWN_BLOCKS 16                    // that a ray can leave waiting
 
 #define to_real(v) ((real)(v))
 #define to_int(v) ((int)(v))
@@ -30,6 +31,9 @@ INLINE realv real_sqrt(realv x) { return sqrt(x); }
 
 INLINE intv count_mask(intv counts, maskv mask) { return counts + mask; }
 INLINE uint count_lanes(intv counts) { return (uint)counts; }
+
+INLINE ulong sum_lanes(intv a) { return (ulong)a; }
+INLINE ulong lane_bit(int lane) { return 1UL; }
 
 INLINE ulong mask_word(maskv mask) { return mask; }
 #define ALL_LANES 1UL

@@ -34,6 +34,8 @@ __constant uint lane_numbers[16] __attribute__((aligned(64))) = {0, 1, 2, 3, 4, 
 INLINE uintv lane_index(void) { return *(__constant uintv *)lane_numbers; }
 INLINE wordv word_index(void) { return *(__constant wordv *)lane_numbers; }
 
+#define SPAWN_BLOCKS 4   // that a block of rays can leave waiting (spawn_list.cl)
+
 // Correctly rounded square root: one hardware instruction per register once the compiler has joined the lanes.
 INLINE realv real_sqrt(realv x) {
     realv root;
@@ -50,6 +52,13 @@ INLINE uint count_lanes(intv counts) {
     return count;
 }
 
+// The sum over the lanes of numbers from 0 to 2^31 - 1.
+INLINE ulong sum_lanes(intv a) {
+    ulong sum = 0;
+    for (int i = 0; i < WIDTH; ++i) sum += (uint)((int *)&a)[i];
+    return sum;
+}
+
 // A mask as one scalar with one set bit per set lane: lane j has bit j / 8 of byte j % 8.
 typedef char lane_bytes __attribute__((ext_vector_type(WIDTH)));
 
@@ -64,6 +73,8 @@ INLINE ulong mask_word(maskv mask) {
 #define LANE_PARTS (WIDTH / 8)
 #define LANE_PART 0x0101010101010101UL
 #define ALL_LANES (0x0101010101010101UL * ((1 << WIDTH / 8) - 1))   // mask_word of a full mask
+
+INLINE ulong lane_bit(int lane) { return 1UL << (lane % 8 * 8 + lane / 8); }
 
 INLINE int lowest_lane(ulong word) {
     const int bit = __builtin_ctzl(word);

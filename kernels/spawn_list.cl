@@ -1,26 +1,34 @@
 // Rays that parted from others and wait until the list of the block has room.
 #include "ray.cl"
 
-typedef struct { Rays rays; int waiting, lost; } Spawned;
+typedef struct { Rays of[SPAWN_BLOCKS]; int waiting; uint lost; } Spawned;
 
-INLINE void spawn_begin(Spawned *spawned) { spawned->waiting = spawned->lost = 0; }
+INLINE void spawn_begin(Spawned *spawned) {
+    spawned->waiting = 0;
+    spawned->lost = 0;
+}
 
-// Adds a copy of a ray, for the caller to change, and returns its place; in a full list it takes the place of
-// another, which is lost and counted: the host makes it an error.
-INLINE int spawn_copy(Spawned *spawned, const Rays *rays, int from) {
-    if (spawned->waiting == BLOCK) {
+// Adds a copy of ray `from`, one event later, and returns the list and the place where it stands, for the caller to
+// change; in a full list it takes the place of another, which is lost and counted: the host makes it an error.
+INLINE Rays *spawn_copy(Spawned *spawned, const Rays *rays, int from, int *place) {
+    if (spawned->waiting == SPAWN_BLOCKS * BLOCK) {
         ++spawned->lost;
         --spawned->waiting;
     }
-    const int place = spawned->waiting++;
-    ray_copy(&spawned->rays, place, rays, from);
-    return place;
+    Rays *into = &spawned->of[spawned->waiting / BLOCK];
+    *place = spawned->waiting++ % BLOCK;
+    ray_copy(into, *place, rays, from);
+    ++((int *)into->bounces)[*place];
+    return into;
 }
 
 INLINE uint spawn_lost(const Spawned *spawned) { return spawned->lost; }
 
 // Moves waiting rays behind the first `count` of the block's list, as far as there is room; returns the new count.
 INLINE int spawn_take(Spawned *spawned, Rays *rays, int count) {
-    while (spawned->waiting > 0 && count < BLOCK) ray_copy(rays, count++, &spawned->rays, --spawned->waiting);
+    while (spawned->waiting > 0 && count < BLOCK) {
+        --spawned->waiting;
+        ray_copy(rays, count++, &spawned->of[spawned->waiting / BLOCK], spawned->waiting % BLOCK);
+    }
     return count;
 }

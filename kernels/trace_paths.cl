@@ -1,8 +1,8 @@
 // Non-sequential estimator: rays leave the screen, aimed at the mirror, and go from element to element in whatever order
 // they meet them, until they end. What ends on the detector is kept by path and by class of path.
 //
-// ELEMENTS(DO) is the scene's list of elements, made on the host: DO(shape, kind, number) for each. shape: plane or
-// quadric; kind: that of an interact_* file.
+// ELEMENTS(DO) is the scene's list of elements, made on the host: DO(shape, kind, model, number) for each. shape: plane,
+// quadric or deviated; kind: that of an interact_* file; model: that of a scatter_* file, or none.
 #include "emission.cl"
 #include "keys_*.cl"
 #include "finish.cl"
@@ -35,35 +35,13 @@ INLINE void emit(const Trace *trace, const Emitter *emitter, const Words *words,
 INLINE Interaction interaction_begin(const Rays *rays, int v, const LocalRay *ray, int number) {
     Interaction at;
     at.along = at.goes = ray->along;
+    at.arriving = rays->weight[v];
     at.weight = (realv)(1);
+    at.absorbed = at.parts = (realv)(0);
     at.event = (intv)(EVENT_NOMINAL);
     at.ends = to_mask(at.event != at.event);
     at.draw = path_word(rays->key[v], rays->path_low[v], rays->path_high[v], number);
     return at;
-}
-
-// Back to the world, from the origin of the element's own group.
-INLINE void interaction_end(__constant Element *element, Rays *rays, int v, int number, maskv meets, realv bound, realv step,
-                            const Interaction *at) {
-    __constant real *x = element->axis_x, *y = element->axis_y, *z = element->axis_z, *o = element->origin;
-    const vec3v p = at->point, d = at->goes;
-    rays->x[v] = meets ? x[0] * p.x + y[0] * p.y + z[0] * p.z + o[0] : rays->x[v];
-    rays->y[v] = meets ? x[1] * p.x + y[1] * p.y + z[1] * p.z + o[1] : rays->y[v];
-    rays->z[v] = meets ? x[2] * p.x + y[2] * p.y + z[2] * p.z + o[2] : rays->z[v];
-    rays->dx[v] = meets ? x[0] * d.x + y[0] * d.y + z[0] * d.z : rays->dx[v];
-    rays->dy[v] = meets ? x[1] * d.x + y[1] * d.y + z[1] * d.z : rays->dy[v];
-    rays->dz[v] = meets ? x[2] * d.x + y[2] * d.y + z[2] * d.z : rays->dz[v];
-    rays->reach[v] = reach_of(rays->x[v], rays->y[v], rays->z[v]);
-    rays->weight[v] = meets ? rays->weight[v] * at->weight : rays->weight[v];
-    uintv low = rays->path_low[v], high = rays->path_high[v];
-    path_push(&low, &high, as_uintv(at->event + (EVENT_KINDS * number + 1)));
-    const intv here = to_int(meets);
-    rays->path_low[v] = here != 0 ? low : rays->path_low[v];
-    rays->path_high[v] = here != 0 ? high : rays->path_high[v];
-    const intv touches = here & to_int(step <= bound);
-    rays->before[v] = here != 0 ? (touches != 0 ? rays->last[v] : (intv)(-1)) : rays->before[v];
-    rays->last[v] = here != 0 ? (intv)(number) : rays->last[v];
-    rays->group[v] = here != 0 ? (intv)(element->group) : rays->group[v];
 }
 
 // The nearest element ahead of each ray of a list, and how far it is; NONE of a ray that escapes, ENDED of one that ended
@@ -72,13 +50,14 @@ typedef struct { realv step[BLOCK_VECTORS]; intv which[BLOCK_VECTORS]; } Nearest
 #define NONE (-1)
 #define ENDED (-2)
 
-// All elements in turn, each with all rays: in short loops a processor sees enough rays at a time. Their interactions are
-// taken ray by ray again: two thirds of that rate in loops by element.
-#define MEET(shape, kind, number) \
-    for (int v = 0; v < vectors; ++v) \
-        meet_##shape(&trace->elements[number], rays, v, number, &nearest->step[v], &nearest->which[v]);
+// All elements in turn that rays may meet, each with all rays: in short loops a processor sees enough rays at a time. Their
+// interactions are taken ray by ray again: two thirds of that rate in loops by element.
+#define MEET(shape, kind, model, number) \
+    if (may >> number & 1u) \
+        for (int v = 0; v < vectors; ++v) \
+            meet_##shape(&trace->elements[number], rays, v, number, &nearest->step[v], &nearest->which[v]);
 
-#define INTERACT(shape, kind, number)                                                                        \
+#define INTERACT(shape, kind, model, number)                                                                 \
     {                                                                                                        \
         const maskv meets = to_mask(which == (number));                                                      \
         if (any_lane(meets)) {                                                                               \
@@ -89,13 +68,17 @@ typedef struct { realv step[BLOCK_VECTORS]; intv which[BLOCK_VECTORS]; } Nearest
             at.point = shape##_point(trace->scene, element, &ray, step);                                     \
             at.normal = shape##_normal(trace->scene, element, at.point);                                     \
             interact_##kind(element, &at);                                                                   \
+            const realv left = model##_left(trace, number, &at);                                             \
             leave_##kind(element, rays, v, number, meets, element_bound(rays, v, &offset), step, &at);       \
-            const maskv ended = finish_##kind(trace, rays, v, number, meets, &at);                           \
+            model##_part(trace, rays, v, number, meets, &at);                                                \
+            rays->weight[v] = meets ? rays->weight[v] * left : rays->weight[v];                              \
+            const maskv ended = finish_##kind(trace, rays, v, number, meets, &at, left);                     \
             after = to_int(ended) != 0 ? (intv)(ENDED) : after;                                              \
         }                                                                                                    \
     }
 
-INLINE void find_nearest(const Trace *trace, const Rays *rays, int count, Nearest *nearest) {
+// may: a bit for each element that they may meet.
+INLINE void find_nearest(const Trace *trace, const Rays *rays, int count, uint may, Nearest *nearest) {
     const int vectors = (count + WIDTH - 1) / WIDTH;
     for (int v = 0; v < vectors; ++v) {
         nearest->step[v] = (realv)(INFINITY);
@@ -112,17 +95,23 @@ INLINE ulong step_rays(const Trace *trace, Rays *rays, int v, realv step, intv w
     ELEMENTS(INTERACT)
     rays->bounces[v] = rays->bounces[v] + 1;
     const maskv goes = to_mask(after >= 0), tired = goes & to_mask(rays->bounces[v] >= trace->job->bounce_limit);
-    count_rays(trace, PATH_ESCAPED, lanes_in(to_mask(which == NONE)));
+    const maskv escaped = to_mask(which == NONE);
+    count_rays(trace, PATH_ESCAPED, lanes_in(escaped));
     count_rays(trace, PATH_BOUNCE_LIMIT, lanes_in(tired));
+    count_weight(trace, trace->job->element_count, escaped, rays->weight[v]);
+    count_weight(trace, trace->job->element_count + 1, tired, rays->weight[v]);
     return mask_word(goes & !tired);
 }
 
 // All rays of the list to their ends; after each step the list closes up.
 INLINE void trace_rays(const Trace *trace, Rays *rays, int count) {
     Nearest nearest;
+    const int known = sizeof(trace->job->may) / sizeof(trace->job->may[0]);
+    int step = 0;
     while ((count = spawn_take(trace->spawned, rays, count)) > 0) {
         int left = 0;
-        find_nearest(trace, rays, count, &nearest);
+        find_nearest(trace, rays, count, step < known ? trace->job->may[step] : ~0u, &nearest);
+        ++step;
         for (int v = 0; v * WIDTH < count; ++v) {
             const ulong alive = step_rays(trace, rays, v, nearest.step[v], nearest.which[v]);
             if (alive == ALL_LANES && left == v * WIDTH) left += WIDTH;   // they are where they belong
@@ -138,17 +127,17 @@ INLINE void trace_rays(const Trace *trace, Rays *rays, int count) {
 // Parameters: as members of Trace. Grid: (screen pixels of this launch, parts of its rays).
 // Assumes: sums, images and the first word of found zeroed before the replicate's first launch.
 __kernel void trace_paths(__constant Scene *scene, const Launch launch, __global const Emitter *emitters,
-                          __constant Element *elements, __global const Path *paths, __global uint *sums,
-                          __global uint *images, __global uint *found, const PathJob job) {
+                          __constant Element *elements, __constant Scatter *scatter, __global const Path *paths,
+                          __global uint *sums, __global uint *images, __global uint *found, const PathJob job) {
     const uint stream = launch.first_stream + get_global_id(0);
     const ulong begin = launch.first_ray + get_global_id(1) * launch.rays_per_item;
     const ulong end = min(begin + launch.rays_per_item, launch.first_ray + launch.ray_count);
-    const int sums_size = PATH_ABSORBED + job.element_count + 2 * job.path_count;
+    const int sums_size = PATH_ABSORBED + 2 * job.element_count + 2 + 2 * job.path_count;
     ulong own[MAX_SUMS];
     for (int k = 0; k < sums_size; ++k) own[k] = 0;
     Spawned spawned;
     spawn_begin(&spawned);
-    const Trace trace = {scene, elements, &launch, paths, sums, images, found, &job, &spawned, own,
+    const Trace trace = {scene, elements, scatter, &launch, paths, sums, images, found, &job, &spawned, own,
                          stream % launch.screen_columns, stream / launch.screen_columns};
     const Emitter emitter = emitters[stream];
     Sampler sampler;

@@ -14,9 +14,10 @@ PACKAGE = ROOT / "irtscots_cl"
 MATHEMATICS = ("geometry", "zernikes", "zonal", "integration")
 DESCRIPTION = ("checked", "scatter", "element", "scene", "presets", "surface", "calibration", "pixelmap", "cells",
                "pixellight")  # fmt: skip
-DEVICE = ("interface", "device", "program", "execution")
+DEVICE = ("interface", "device", "program", "selftest", "execution")
 TRACING = ("windows", "samplers", "options", "launches", "checkpoint", "runner", "crew", "tasks", "cluster", "aiming",
-           "packing", "transport", "analytic", "parts", "paths", "nonsequential", "tracer", "probes",
+           "packing", "transport", "analytic", "parts", "reach", "partpacking", "sequence", "paths", "pathsums",
+           "nonsequential", "tracer", "probes",
            "precision")  # fmt: skip
 IMAGING = ("images", "patterns", "detector")
 MEASURING = ("lightcurves", "centroids", "profiles", "phase", "slopes", "reconstruction", "refinement", "measures",
@@ -25,7 +26,7 @@ ASSEMBLY = ("comparison", "straylight", "errorparts", "files", "report", "plots"
             "stability", "bench", "cli", "__main__")  # fmt: skip
 ORDER = MATHEMATICS + DESCRIPTION + DEVICE + TRACING + IMAGING + MEASURING + ASSEMBLY
 
-MAY_IMPORT_PYOPENCL = {"device", "program", "execution"}
+MAY_IMPORT_PYOPENCL = {"device", "program", "selftest", "execution"}
 WITHOUT_NUMPY = {"__init__", "checked", "element", "scene", "presets", "cli", "__main__"}  # so that they start fast
 ONLY_FROM = {
     "surface": {"geometry", "zernikes"},
@@ -35,7 +36,7 @@ ONLY_FROM = {
     "element": {"checked"},
 }
 # What knows the true surface. The measuring half gets images and the nominal scene.
-KNOWS_TRUTH = {"tracer", "transport", "windows", "packing", "samplers", "device", "program", "execution"}
+KNOWS_TRUTH = {"tracer", "transport", "windows", "packing", "samplers", "device", "program", "selftest", "execution"}
 
 MAX_FILE_LINES = 400
 MAX_FUNCTION_LINES = 60

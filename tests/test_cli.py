@@ -12,11 +12,14 @@ import tomllib
 import h5py
 import numpy as np
 import pytest
+from faults import FaultyKernel
 from synthetic import small_scene
 
 from irtscots_cl import cli
+from irtscots_cl.device import DeviceError
 from irtscots_cl.presets import load_scene, preset_names, preset_text
 from irtscots_cl.scene import Scene
+from irtscots_cl.selftest import check_device
 
 FEW = ("--rays-per-pixel", "64", "--replicates", "4")
 FILES = [
@@ -102,7 +105,7 @@ def test_devices(irtscots, device):
     assert f"{device.index}  {device.name}" in out
     found = json.loads(irtscots("devices", "--json")[1])
     mine = next(facts for facts in found if facts["index"] == device.index)
-    assert {"name", "platform", "driver", "kind", "compute_units", "fp64"} <= set(mine)
+    assert {"name", "platform", "driver", "kind", "compute_units", "fp64", "sqrt_error_ulp"} <= set(mine)
 
 
 def test_without_a_device_the_list_says_what_to_install(irtscots, monkeypatch):
@@ -568,6 +571,8 @@ def test_an_unknown_device_is_code_3_and_the_line_names_those_found(irtscots, de
     [
         (KeyboardInterrupt(), 130, "irtscots: interrupted; nothing was written\n"),
         (OSError(28, "No space left on device"), 2, "irtscots: [Errno 28] No space left on device\n"),
+        (MemoryError(), 3, "irtscots: too little memory on the host\n"),
+        (MemoryError("no 9 TiB"), 3, "irtscots: too little memory on the host: no 9 TiB\n"),
     ],
 )
 def test_what_stops_a_run_is_one_line(irtscots, device, here, monkeypatch, error, code, line):
@@ -577,6 +582,33 @@ def test_what_stops_a_run_is_one_line(irtscots, device, here, monkeypatch, error
     monkeypatch.setattr("irtscots_cl.pipeline.simulate", stop)
     assert irtscots("run", "sphere", "--device", device.index) == (code, "", line)
     assert everything_in(here) == []
+
+
+@pytest.mark.parametrize("starting", [True, False])
+@pytest.mark.parametrize("command", [("run",), ("run", "--estimator", "nonsequential"), ("paths",)], ids=" ".join)
+def test_a_device_that_is_lost_in_mid_run_is_one_line(irtscots, device, here, monkeypatch, command, starting):
+    check_device(device, "fp32")  # or that would fail first
+    kernel = FaultyKernel("DEVICE_NOT_AVAILABLE", good=4, starting=starting)
+    monkeypatch.setattr("irtscots_cl.execution.cl.Kernel", kernel)
+    (here / "my.toml").write_text(small_toml())
+    name, *more = command
+    outcome = irtscots(name, "my.toml", "--device", device.index, *more, *FEW)
+    assert_refused(outcome, 3, device.label, "failed: DEVICE_NOT_AVAILABLE")
+    assert len(kernel.tried) == 5
+    assert everything_in(here) == ["my.toml"]
+
+
+def test_a_device_that_computes_wrongly_is_one_line(irtscots, device, here, monkeypatch):
+    def wrong(*_):
+        raise DeviceError(f"{device.label}: computes wrongly: this and that")
+
+    monkeypatch.setattr("irtscots_cl.execution.check_device", wrong)
+    monkeypatch.setattr("irtscots_cl.selftest.check_device", wrong)
+    assert_refused(irtscots("run", "sphere", "--device", device.index), 3, "computes wrongly: this and that")
+    assert everything_in(here) == []
+    code, out, err = irtscots("devices")  # the list is no refusal: others may be good
+    assert (code, err) == (0, "") and "computes wrongly: this and that" in out
+    assert all("unusable" in facts for facts in json.loads(irtscots("devices", "--json")[1]))
 
 
 def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch, device):

@@ -275,7 +275,7 @@ def test_a_device_beside_a_client_is_refused(device, two):
 def test_tasks_are_longer_where_sums_are_large_or_workers_many(two):
     """No trace: the size of parts by measured speed, near the beginning and near the end."""
     work = TraceWork(coarse(), TraceOptions())
-    run = cluster._Run(Cluster(two), work, np.array([2**30]), None, None, None)
+    run = cluster._Run(Cluster(two), work, np.array([2**30]), None, None, None, None)
     run._threads = {"a": 1, "b": 1}
     assert run._next_rays() == work.first_launch_rays
     run._speeds = [1e6, 2e6, 3e6]

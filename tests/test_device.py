@@ -1,4 +1,4 @@
-"""Which device is taken, and what is found out about it."""
+"""Which device is taken, and how its driver's failures are told."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from types import SimpleNamespace
 
 import pyopencl as cl
 import pytest
+from faults import driver_error
 
 import irtscots_cl.device as module
-from irtscots_cl.device import ENVIRONMENT, Device, DeviceError, all_devices, select_device
+from irtscots_cl.device import ENVIRONMENT, Device, DeviceError, all_devices, driver_errors, select_device
 
 
 def fake(index, name, platform, kind, units, available=True, endian_little=True):
@@ -92,6 +93,31 @@ def test_no_device_at_all_says_what_to_install(monkeypatch):
     assert "\n" not in str(caught.value)
 
 
+def test_a_device_that_went_away_is_not_taken(found, monkeypatch):
+    class Gone:
+        def __getattr__(self, name):
+            if name in ("available", "endian_little"):
+                raise driver_error("DEVICE_NOT_AVAILABLE", "clGetDeviceInfo")
+            return getattr(FOUND[2].cl_device, name)
+
+    monkeypatch.setattr(module, "all_devices", lambda: (*FOUND[:2], Device(Gone(), "1:1"), *FOUND[3:]))
+    assert select_device(None).index == "1:0"
+    with pytest.raises(DeviceError, match=r"--device = 'big': no such usable device"):
+        select_device("big")
+
+
+@pytest.mark.parametrize(("doing", "told"), [("", ""), ("a copy", "a copy: ")])
+def test_what_a_driver_reports_becomes_one_line(doing, told):
+    with pytest.raises(DeviceError) as caught, driver_errors(FOUND[1], doing):
+        raise driver_error("OUT_OF_RESOURCES", "clFinish")
+    assert str(caught.value) == f"device 1:0 Small GPU: {told}clFinish failed: OUT_OF_RESOURCES - more"
+
+
+def test_other_errors_are_not_the_drivers():
+    with pytest.raises(ZeroDivisionError), driver_errors(FOUND[1]):
+        1 / 0  # noqa: B018
+
+
 def test_vector_width():
     facts = FOUND[0].cl_device
     facts.native_vector_width_float, facts.native_vector_width_double = 16, 8
@@ -122,32 +148,6 @@ def test_description_holds_plain_facts(device):
     assert set(facts) == {"index", "name", "platform", "driver", "kind", "compute_units"}
     assert all(isinstance(value, (str, int)) and value for value in facts.values())
     assert facts["kind"] in ("cpu", "gpu", "other")
-
-
-def test_probe(device):
-    facts = device.probe()
-    assert facts["atomics_32"] is True
-    assert facts["fp64"] is device.has_fp64
-    assert facts["vector_width_fp32"] in ((4, 8, 16) if device.kind == "cpu" else (1,))
-    assert (
-        0.1 < facts["memory_gib"] < 1e4 and facts["local_memory_kib"] >= 16
-    )  # OpenCL's least: 32 KiB, embedded 1
-    assert isinstance(facts["sqrt_correctly_rounded"], bool) and isinstance(
-        facts["division_correctly_rounded"], bool
-    )
-
-
-def test_a_device_that_counts_wrongly_is_refused(device, monkeypatch):
-    monkeypatch.setattr(module, "_PROBE", module._PROBE.replace("i + 1", "i"))
-    with pytest.raises(DeviceError, match="32-bit atomics count wrongly"):
-        Device(device.cl_device, device.index).probe()
-
-
-def test_a_device_that_cannot_build_is_refused_in_one_line(device, monkeypatch):
-    monkeypatch.setattr(module, "_PROBE", "not a kernel")
-    with pytest.raises(DeviceError, match="cannot run a kernel") as caught:
-        Device(device.cl_device, device.index).probe()
-    assert "\n" not in str(caught.value)
 
 
 def test_devices_are_hashable_values(device):

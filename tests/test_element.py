@@ -23,14 +23,22 @@ SIGNED = "a number other than 0 within 1e+12"
 SIZE = "[width, height], two finite numbers above 0 and at most 1e+12"
 POINT = "[x, y, z], three finite numbers within 1e+12"
 INDEX = "a finite number at least 1 and at most 10"
-CHOICES = "one of mirror, refractor, lens, absorber"
+CHOICES = "one of mirror, refractor, lens, absorber, detector"
 NAME = "1 to 64 characters of A-Z a-z 0-9 . _ - without a leading dot"
 ACCEPTED = {
     "mirror": {"reflectance": 0.5},
     "refractor": {"index_front": 1.0, "index_back": 1.5, "reflectance": 0.01},
     "lens": {"focal_length_mm": -30.0, "transmittance": 0.9},
-    "absorber": {},
+    "absorber": {"important": True},
+    "detector": {},
 }
+COATED = {"index_front": 1.0, "index_back": 1.5, "coating_index": 1.2}
+SCATTER_TABLES = [
+    {"model": "lambertian", "tis": 0.01},
+    {"model": "harvey", "l": 0.01, "s": -1.5, "tis": 0.0025},
+    {"model": "harvey", "l": 0.01, "s": -2.0, "b0": 0.2},
+    {"model": "abg", "a": 1e-4, "b": 1e-3, "g": 1.5},
+]
 
 
 def element(kind="absorber", /, **values):
@@ -79,6 +87,11 @@ def test_every_kind_is_accepted_with_what_it_allows(kind):
         ("refractor", "index_front", 0.9, "0.9", INDEX),
         ("refractor", "index_back", 10.5, "10.5", INDEX),
         ("refractor", "index_back", True, "True", INDEX),
+        ("refractor", "coating_index", 0.9, "0.9", INDEX),
+        ("refractor", "coating_index", 10.5, "10.5", INDEX),
+        ("refractor", "coating_index", "1.3", "'1.3'", INDEX),
+        ("absorber", "important", 1, "1", "true or false"),
+        ("absorber", "important", "true", "'true'", "true or false"),
         ("lens", "focal_length_mm", 0, "0", SIGNED),
         ("lens", "transmittance", 0.0, "0.0", "a finite number above 0 and at most 1"),
         ("lens", "transmittance", 1.01, "1.01", "a finite number above 0 and at most 1"),
@@ -120,6 +133,16 @@ def test_a_value_out_of_range_is_refused_in_one_line(kind, key, value, shown, al
         ("mirror", {"index_front": 1.5}, "index_front = 1.5: must be left out for kind 'mirror'"),
         ("lens", {"index_back": 1.5}, "index_back = 1.5: must be left out for kind 'lens'"),
         ("refractor", {"focal_length_mm": 1.0}, "focal_length_mm = 1.0: must be left out for kind 'refractor'"),
+        ("refractor", {"index_front": 1.3, "coating_index": 1.2},
+         "coating_index = 1.2: must be at least 1.3, the lower index beside it"),
+        ("refractor", {"coating_index": 1.2, "reflectance": 0.04},
+         "coating_index = 1.2: must be left out where reflectance is given, or that"),
+        ("refractor", {"coating_index": 1.2, "reflectance": 0.0},
+         "coating_index = 1.2: must be left out where reflectance is given, or that"),
+        *((kind, {"coating_index": 1.2}, f"coating_index = 1.2: must be left out for kind '{kind}'")
+          for kind in ("mirror", "lens", "absorber", "detector")),
+        ("detector", {"reflectance": 0.0}, "reflectance = 0.0: must be left out for kind 'detector'"),
+        ("detector", {"transmittance": 0.5}, "transmittance = 0.5: must be left out for kind 'detector'"),
         ("absorber", {"radius": 1.0}, "radius: unknown key; did you mean radius_mm?"),
         ("absorber", {"name": None}, f"name: missing; needs {NAME}"),
         ("absorber", {"kind": None}, f"kind: missing; needs {CHOICES}"),
@@ -140,6 +163,8 @@ def test_values_that_do_not_go_together_are_refused_in_one_line(kind, values, li
         {"radius_mm": 25.01, "diameter_mm": None, "size_mm": [30.0, 40.0]},  # half a diagonal is 25
         {"obscuration_mm": 49.9},
         {"facing_mm": [1e-3, 7.0, 2000.0]},
+        {"kind": "refractor", "index_front": 1.3, "index_back": 1.5, "coating_index": 1.3},
+        {"kind": "refractor", "index_front": 1.3, "index_back": 1.5, "coating_index": 2.3},
     ],
 )
 def test_what_is_just_within_is_accepted(values):
@@ -183,6 +208,7 @@ def test_a_preset_with_elements_comes_back_from_toml(name):
 def test_every_field_of_an_element_comes_back_from_toml():
     tables = [element(kind, name=f"of.{kind}", **ACCEPTED[kind]) for kind in KINDS]
     tables.append(element(name="curved", radius_mm=-1e3, conic=-0.5, off_axis_mm=1 / 3, obscuration_mm=0.1))
+    tables.append(element("refractor", name="coated", **COATED, scatter=SCATTER_TABLES[1]))
     tables.append(element(name="oblong", diameter_mm=None, size_mm=[1 / 7, 2.0], facing_mm=[0.1, 0.0, -1e-9]))
     scene = Scene.from_dict(with_elements(*tables))
     for field in dataclasses.fields(Element):  # so that a field that is added is added here
@@ -206,6 +232,7 @@ def test_the_other_estimators_refuse_what_they_do_not_see(estimator):
             trace(scene, estimator=estimator, rays_per_pixel=1, replicates=1)
         assert str(caught.value) == f"{what}: {must}"
 
+
 @pytest.mark.parametrize("x", [1.0, 16.0])
 def test_a_direction_almost_along_y_is_refused(x):
     """Its x axis would be lost in rounding."""
@@ -216,14 +243,6 @@ def test_a_direction_almost_along_y_is_refused(x):
 def test_a_hole_larger_than_a_rectangle_is_refused():
     with pytest.raises(SceneError, match="obscuration_mm = 50.0: must be below the diagonal of size_mm"):
         Element("a", "absorber", (0.0, 0.0, 9.0), (0.0, 0.0, 0.0), size_mm=(1.0, 1.0), obscuration_mm=50.0)
-
-
-SCATTER_TABLES = [
-    {"model": "lambertian", "tis": 0.01},
-    {"model": "harvey", "l": 0.01, "s": -1.5, "tis": 0.0025},
-    {"model": "harvey", "l": 0.01, "s": -2.0, "b0": 0.2},
-    {"model": "abg", "a": 1e-4, "b": 1e-3, "g": 1.5},
-]
 
 
 def with_scatter(table):
@@ -254,3 +273,42 @@ def test_wrong_scatter_tables_are_refused_in_one_line(table, line):
     with pytest.raises(SceneError) as caught:
         Scene.from_dict(with_scatter(table), "my.toml")
     assert str(caught.value).startswith(f"my.toml: {line}") and "\n" not in str(caught.value)
+
+
+# --- scatter of elements ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["mirror", "refractor", "absorber"])
+@pytest.mark.parametrize("table", SCATTER_TABLES, ids=str)
+def test_an_elements_scatter_survives_a_round_trip(kind, table):
+    """Of one between others: a table [element.scatter] belongs to the [[element]] before it."""
+    scene = Scene.from_dict(with_elements(element(kind, scatter=table), element(name="last")), "my.toml")
+    again = tomllib.loads(scene.to_toml())
+    assert [entry.get("scatter") for entry in again["element"]] == [None, None, table, None]
+    assert Scene.from_dict(again) == scene
+    assert scene.element[2].scatter.tis_at() > 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "table", "line"),
+    [
+        ("lens", {"model": "lambertian", "tis": 0.1},
+         "scatter = Lambertian(tis=0.1): must be left out for kind 'lens'"),
+        ("detector", {"model": "lambertian", "tis": 0.1},
+         "scatter = Lambertian(tis=0.1): must be left out for kind 'detector'"),
+        ("absorber", {"model": "phong"}, "scatter.model = 'phong': unknown model; allowed: lambertian, harvey, abg"),
+        ("absorber", {"tis": 0.1}, "scatter.model: missing; needs one of lambertian, harvey, abg"),
+        ("mirror", {"model": "lambertian", "tis": 1.5},
+         "scatter.tis = 1.5: must be a finite number above 0 and at most 1"),
+        ("mirror", {"model": "abg", "a": 1.0},
+         "scatter.b: missing; needs a finite number at least 1e-30 and at most 1e+12"),
+        ("refractor", 3, "scatter = 3: must be a table with the key model, one of lambertian, harvey, abg"),
+    ],
+)  # fmt: skip
+def test_an_elements_wrong_scatter_is_refused_in_one_line(kind, table, line):
+    assert refusal(with_elements(element(kind, scatter=table))) == f"my.toml: element[2].{line}"
+
+
+def test_a_constructor_refuses_what_is_no_model():
+    with pytest.raises(SceneError, match=r"^Element: scatter = 'harvey': must be a model of irtscots_cl.scatter$"):
+        Element(**element(scatter="harvey"))

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from device_kernels import kernel_text
+from oracle import sequence
 
 from irtscots_cl.execution import Workspace
 from irtscots_cl.geometry import Frame, Quadric
 from irtscots_cl.interface import PRECISIONS, element_dtype
+from irtscots_cl.parts import parts_of
+from irtscots_cl.presets import load_scene
 from irtscots_cl.program import compose
 
 COUNT = 4096  # rays of a test; a multiple of every width
@@ -41,6 +45,56 @@ MEET = """    Rays rays;
         numbers[get_global_id(0) * WIDTH + lane] = ((const int *)&which)[lane];
     }"""
 
+# Rays through refractors in their order, as step_rays of trace_paths.cl takes them: `draw` never lets one reflect.
+THROUGH = """    Rays rays;
+    for (int lane = 0; lane < WIDTH; ++lane) {
+        const size_t ray = get_global_id(0) * WIDTH + lane;
+        ((real *)&rays.x[0])[lane] = given[6 * ray];
+        ((real *)&rays.y[0])[lane] = given[6 * ray + 1];
+        ((real *)&rays.z[0])[lane] = given[6 * ray + 2];
+        ((real *)&rays.dx[0])[lane] = given[6 * ray + 3];
+        ((real *)&rays.dy[0])[lane] = given[6 * ray + 4];
+        ((real *)&rays.dz[0])[lane] = given[6 * ray + 5];
+    }
+    rays.group[0] = (intv)(0);
+    rays.last[0] = rays.before[0] = (intv)(-1);
+    for (int k = 0; k < count; ++k) {
+        __constant Element *element = &elements[k];
+        rays.reach[0] = reach_of(rays.x[0], rays.y[0], rays.z[0]);
+        realv nearest = (realv)(INFINITY);
+        intv which = (intv)(-1);
+        meet_quadric(element, &rays, 0, k, &nearest, &which);
+        const Offset offset = group_offset(element, rays.group[0]);
+        const LocalRay ray = element_ray(element, &rays, 0, &offset);
+        Interaction at;
+        at.point = quadric_point((__constant Scene *)0, element, &ray, nearest);
+        at.normal = quadric_normal((__constant Scene *)0, element, at.point);
+        at.along = at.goes = ray.along;
+        at.weight = at.arriving = (realv)(1);
+        at.event = (intv)(EVENT_NOMINAL);
+        at.ends = to_mask(at.event != at.event);
+        at.draw = (uintv)(0xffffffffu);
+        interact_refractor(element, &at);
+        __constant real *x = element->axis_x, *y = element->axis_y, *z = element->axis_z, *o = element->origin;
+        const vec3v p = at.point, d = at.goes;
+        rays.x[0] = x[0] * p.x + y[0] * p.y + z[0] * p.z + o[0];
+        rays.y[0] = x[1] * p.x + y[1] * p.y + z[1] * p.z + o[1];
+        rays.z[0] = x[2] * p.x + y[2] * p.y + z[2] * p.z + o[2];
+        rays.dx[0] = x[0] * d.x + y[0] * d.y + z[0] * d.z;
+        rays.dy[0] = x[1] * d.x + y[1] * d.y + z[1] * d.z;
+        rays.dz[0] = x[2] * d.x + y[2] * d.y + z[2] * d.z;
+        rays.last[0] = (intv)(k);
+    }
+    for (int lane = 0; lane < WIDTH; ++lane) {
+        const size_t ray = get_global_id(0) * WIDTH + lane;
+        out[6 * ray] = ((const real *)&rays.x[0])[lane];
+        out[6 * ray + 1] = ((const real *)&rays.y[0])[lane];
+        out[6 * ray + 2] = ((const real *)&rays.z[0])[lane];
+        out[6 * ray + 3] = ((const real *)&rays.dx[0])[lane];
+        out[6 * ray + 4] = ((const real *)&rays.dy[0])[lane];
+        out[6 * ray + 5] = ((const real *)&rays.dz[0])[lane];
+    }"""
+
 INTERACT = """    Interaction at;
     for (int lane = 0; lane < WIDTH; ++lane) {
         const __global real *from = given + 9 * (get_global_id(0) * WIDTH + lane);
@@ -56,17 +110,20 @@ INTERACT = """    Interaction at;
         ((uint *)&at.draw)[lane] = words[get_global_id(0) * WIDTH + lane];
     }
     at.goes = at.along;
-    at.weight = (realv)(1);
+    at.weight = at.arriving = (realv)(1);
+    at.absorbed = at.parts = (realv)(0);
     at.event = (intv)(EVENT_NOMINAL);
     at.ends = to_mask(at.event != at.event);
     CALL
     const intv ends = to_int(at.ends) != 0 ? (intv)(1) : (intv)(0);
     for (int lane = 0; lane < WIDTH; ++lane) {
         const size_t ray = get_global_id(0) * WIDTH + lane;
-        out[4 * ray] = ((const real *)&at.goes.x)[lane];
-        out[4 * ray + 1] = ((const real *)&at.goes.y)[lane];
-        out[4 * ray + 2] = ((const real *)&at.goes.z)[lane];
-        out[4 * ray + 3] = ((const real *)&at.weight)[lane];
+        out[6 * ray] = ((const real *)&at.goes.x)[lane];
+        out[6 * ray + 1] = ((const real *)&at.goes.y)[lane];
+        out[6 * ray + 2] = ((const real *)&at.goes.z)[lane];
+        out[6 * ray + 3] = ((const real *)&at.weight)[lane];
+        out[6 * ray + 4] = ((const real *)&at.absorbed)[lane];
+        out[6 * ray + 5] = ((const real *)&at.parts)[lane];
         marks[2 * ray] = ((const int *)&at.event)[lane];
         marks[2 * ray + 1] = ((const int *)&ends)[lane];
     }"""
@@ -75,15 +132,16 @@ INTERACT = """    Interaction at;
 class Bench:
     """Builds small kernels on the device under test and runs them."""
 
-    def __init__(self, device, folder, precision):
-        self.device, self.folder, self.precision = device, folder, precision
+    def __init__(self, device, folder, precision, branches="roulette"):
+        self.device, self.folder, self.precision, self.branches = device, folder, precision, branches
         self.real, self.width = PRECISIONS[precision], device.vector_width(precision)
         self.epsilon = float(np.finfo(self.real).eps)
 
     def kernel(self, name, include, signature, body):
         entry = kernel_text(self.folder / f"{name}.cl", [include], "__constant Element *elements, " + signature, body)
         structs = {"Scene": SCENE, "Element": element_dtype(self.real, 1)}
-        return Workspace(self.device, compose(entry, {}, structs, self.precision, self.width), name)
+        source = compose(entry, {"branch": self.branches}, structs, self.precision, self.width)
+        return Workspace(self.device, source, name)
 
     def launch(self, work, inputs, outputs):
         given = [work.upload(x) if isinstance(x, np.ndarray) else x for x in inputs]
@@ -100,8 +158,9 @@ class Bench:
         out = [np.zeros(len(rays), self.real), np.zeros(len(rays), np.int32)]
         return self.launch(work, [elements, rays, *numbers], out)
 
-    def interact(self, kind, element, along, normal=None, point=None, words=None, call="interact_KIND(elements, &at);"):
-        """goes [rays, 3], weight, event and ends [rays] after an interaction."""
+    def interact(self, kind, element, along, normal=None, point=None, words=None, call="interact_KIND(elements, &at);",
+                 name="interact"):  # fmt: skip
+        """goes [rays, 3], weight, event and ends [rays] after an interaction. name: one for each call."""
         along = np.asarray(along)
         zeros = np.zeros_like(along)
         normal = zeros + np.array([0, 0, 1]) if normal is None else normal
@@ -109,18 +168,29 @@ class Bench:
         words = np.zeros(len(rays), np.uint32) if words is None else words
         signature = "__global const real *given, __global const uint *words, __global real *out, __global int *marks"
         body = INTERACT.replace("CALL", call.replace("KIND", kind))
-        work = self.kernel("interact", f"interact_{kind}.cl", signature, body)
+        work = self.kernel(name, f"interact_{kind}.cl", signature, body)
         extra = -len(rays) % self.width  # whole vectors
         rays, words = (np.concatenate([a, a[:1].repeat(extra, 0)]) for a in (rays, words))
-        out = [np.zeros((len(rays), 4), self.real), np.zeros((len(rays), 2), np.int32)]
+        out = [np.zeros((len(rays), 6), self.real), np.zeros((len(rays), 2), np.int32)]
         values, marks = (a[: len(along)] for a in self.launch(work, [element, rays, words.astype(np.uint32)], out))
         return SimpleNamespace(goes=values[:, :3].astype(float), weight=values[:, 3].astype(float),
+                               absorbed=values[:, 4].astype(float), parts=values[:, 5].astype(float),
                                event=marks[:, 0], ends=marks[:, 1])  # fmt: skip
 
-    def refract(self, element, along, normal=None):
+    def through(self, elements, starts, directions):
+        """Points and directions [rays, 3] behind curved refractors, told from the elements' common origin."""
+        signature = "__global const real *given, int count, __global real *out"
+        work = self.kernel("through", "interact_refractor.cl", signature, THROUGH)
+        rays = np.concatenate([starts, directions], 1).astype(self.real)
+        rays = np.concatenate([rays, rays[:1].repeat(-len(rays) % self.width, 0)])  # whole vectors
+        (out,) = self.launch(work, [elements, rays, np.int32(len(elements))], [np.zeros_like(rays)])
+        return out[: len(starts), :3].astype(float), out[: len(starts), 3:].astype(float)
+
+    def refract(self, element, along, normal=None, kind="refractor"):
         """Refracted directions and, in `weight`, the reflectance."""
-        call = "vec3v refracted; at.weight = refract(elements, &at, &refracted); at.goes = refracted;"
-        return self.interact("refractor", element, along, normal, call=call)
+        call = "const Refraction r = refract(elements, &at); at.goes = r.beyond; "
+        call += "at.weight = KIND_reflectance(elements, &r);"
+        return self.interact(kind, element, along, normal, call=call, name="shares")
 
 
 @pytest.fixture
@@ -415,6 +485,7 @@ def test_a_lens_changes_slopes_by_the_point_over_the_focal_length(bench, focal, 
     tolerance = {"fp32": 1e-6, "fp64": 1e-14}[bench.precision]  # a few roundings of 1
     np.testing.assert_allclose(found.goes, expected, rtol=0, atol=tolerance)
     np.testing.assert_array_equal(found.weight, 0.75)
+    np.testing.assert_array_equal(found.absorbed, 0.25)
     assert not found.ends.any() and (found.event == 0).all()
 
 
@@ -428,4 +499,178 @@ def test_a_mirror_reflects_what_comes_from_the_front_and_swallows_the_rest(bench
     tolerance = {"fp32": 1e-6, "fp64": 2e-15}[bench.precision]  # a few roundings of 1
     expected = along - 2 * (along * normal).sum(1)[:, None] * normal
     np.testing.assert_allclose(found.goes, expected, rtol=0, atol=tolerance)
-    np.testing.assert_array_equal(found.weight, 0.5)
+    np.testing.assert_array_equal(found.weight[sure], np.where(front[sure], 0.5, 0.0))
+    np.testing.assert_array_equal(found.absorbed, 1 - found.weight)
+
+
+# --- coatings of a quarter of a wavelength ------------------------------------------------------------------
+
+
+def thin_film(index_in, coating, index_out, angle):
+    """Unpolarised reflectance [angles] of one layer whose optical thickness is a quarter of a wavelength.
+
+    By characteristic matrices (F. Abeles, Ann. Phys. 5 (1950) 596) in complex numbers: evanescent waves included.
+    """
+    sine = index_in * np.sin(angle) + 0j
+    cosine_in, cosine, cosine_out = (np.sqrt(1 - (sine / index) ** 2) for index in (index_in, coating, index_out))
+    phase = np.pi / 2 * cosine
+    found = []
+    for admittance_in, admittance, admittance_out in (
+        (index_in * cosine_in, coating * cosine, index_out * cosine_out),  # s
+        (index_in / cosine_in, coating / cosine, index_out / cosine_out),  # p
+    ):
+        layer = np.array([[np.cos(phase), 1j * np.sin(phase) / admittance],
+                          [1j * admittance * np.sin(phase), np.cos(phase)]])  # fmt: skip
+        b, c = layer[0, 0] + layer[0, 1] * admittance_out, layer[1, 0] + layer[1, 1] * admittance_out
+        found.append(np.abs((admittance_in * b - c) / (admittance_in * b + c)) ** 2)
+    return (found[0] + found[1]) / 2
+
+
+COATED_ANGLES = np.radians([0.0, 1e-3, 10.0, 30.0, 35.0, 45.0, 60.0, 75.0, 85.0, 89.0, 89.9])
+LAYERS = [(1.0, 1.38, 1.5168), (1.0, 2.3, 1.5168), (1.0, np.sqrt(1.5168), 1.5168), (1.5168, 1.6, 1.6727)]
+LAYERS += [(1.0, 2.0, 4.0)]
+
+
+def rays_at(angles, side):
+    return np.stack([np.sin(angles), 0 * angles, -side * np.cos(angles)], -1)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("front", "coating", "back"), LAYERS)
+def test_a_coating_reflects_as_a_thin_film(bench, front, coating, back, side):
+    """Light from both sides, beyond the critical angle too: there all is reflected."""
+    element = element_of(bench, index_front=front, index_back=back, coating_index=coating)
+    found = bench.refract(element, rays_at(COATED_ANGLES, side), kind="coated").weight
+    index_in, index_out = (front, back) if side > 0 else (back, front)
+    expected = thin_film(index_in, coating, index_out, COATED_ANGLES)
+    # fp32: a dozen roundings of a share of 1; fp64: the polynomial of the layer's phase is good to 3e-8
+    np.testing.assert_allclose(found, expected, rtol=0, atol={"fp32": 1e-6, "fp64": 3e-8}[bench.precision])
+    total = index_in * np.sin(COATED_ANGLES) > index_out
+    assert (found[total] == 1).all() and (found[~total] < 1).all()
+    assert total.any() == (index_in > index_out)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("coating", [1.0, 1.5168])
+def test_a_layer_of_the_index_beside_it_is_none(bench, coating, side):
+    """Its reflectance is the bare interface's."""
+    element = element_of(bench, index_front=1.0, index_back=1.5168, coating_index=coating)
+    index_in, index_out = (1.0, 1.5168) if side > 0 else (1.5168, 1.0)
+    found = bench.refract(element, rays_at(COATED_ANGLES, side), kind="coated").weight
+    expected = [exact_fresnel(index_in, index_out, angle) for angle in COATED_ANGLES]
+    tolerance = {"fp32": 1e-6, "fp64": 1e-13}[bench.precision]  # of the phase nothing is left: roundings alone
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize(("front", "back"), [(1.0, 1.5168), (1.0, 4.0), (1.5168, 1.6727)])
+def test_a_layer_of_the_mean_index_reflects_nothing_at_normal_incidence(bench, front, back):
+    element = element_of(bench, index_front=front, index_back=back, coating_index=np.sqrt(front * back))
+    bare = exact_fresnel(front, back, 0.0)
+    for side in (1, -1):
+        found = bench.refract(element, rays_at(np.zeros(1), side), kind="coated").weight[0]
+        assert abs(found) <= bare * {"fp32": 1e-6, "fp64": 6e-8}[bench.precision]  # as above, of the bare reflectance
+
+
+# --- both branches ------------------------------------------------------------------------------------------
+
+KINDS = {"refractor": {"reflectance": 0.3}, "coated": {"coating_index": 1.38}}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_both_branches_share_the_light(device, tmp_path, precision, kind):
+    """The ray goes on refracted with 1 - R whatever its random word; one of weight R parts from it, mirrored."""
+    bench = Bench(device, tmp_path, precision, "both")
+    generator = np.random.default_rng(10)
+    element = element_of(bench, index_front=1.0, index_back=1.5, least_chance=0.1, least_weight=1e-3, **KINDS[kind])
+    along, words = incident(generator), generator.integers(0, 2**32, COUNT, np.uint32)
+    found, shares = bench.interact(kind, element, along, words=words), bench.refract(element, along, kind=kind)
+    np.testing.assert_array_equal(found.parts, shares.weight)
+    np.testing.assert_allclose(found.weight + found.parts, 1, rtol=0, atol=bench.epsilon)
+    np.testing.assert_array_equal(found.goes, shares.goes)
+    assert (found.event == 0).all() and not found.ends.any() and not found.absorbed.any()
+    assert (found.goes[:, 2] < 0).all() and found.parts.min() > 1e-3
+
+
+@pytest.mark.parametrize("reflectance", [0.1, 0.9])
+@pytest.mark.parametrize(("arriving", "both"), [(0.0101, True), (0.0099, False)])
+def test_a_branch_that_weighs_too_little_is_left_to_chance(device, tmp_path, precision, reflectance, arriving, both):
+    """0.1 of a ray is the weaker share: at a hundredth of a ray it comes to the limit, 1e-3."""
+    bench = Bench(device, tmp_path, precision, "both")
+    words = (np.arange(COUNT) * (2**32 // COUNT) + 2**31 // COUNT).astype(np.uint32)
+    element = element_of(bench, index_front=1.0, index_back=1.5, reflectance=reflectance, least_weight=1e-3)
+    along = np.tile([[0.6, 0.0, -0.8]], (COUNT, 1))
+    call = f"at.arriving = (realv)((real){arriving}); interact_refractor(elements, &at);"
+    found = bench.interact("refractor", element, along, words=words, call=call)
+    if both:
+        np.testing.assert_allclose(found.parts, reflectance, rtol=bench.epsilon)
+        np.testing.assert_allclose(found.weight, 1 - reflectance, rtol=8 * bench.epsilon)
+        assert (found.event == 0).all()
+        return
+    reflected = found.event == 1
+    assert not found.parts.any()
+    assert abs(reflected.mean() - reflectance) <= 1 / COUNT
+    np.testing.assert_allclose(found.weight, 1, rtol=8 * bench.epsilon)  # the chance is the share itself
+    np.testing.assert_array_equal(reflected, found.goes[:, 2] > 0)
+
+
+def test_light_that_is_wholly_reflected_does_not_part(device, tmp_path, precision):
+    bench = Bench(device, tmp_path, precision, "both")
+    element = element_of(bench, index_front=1.0, index_back=1.5, reflectance=-1.0, least_weight=1e-3, least_chance=0.1)
+    found = bench.interact("refractor", element, rays_at(np.full(COUNT, 1.0), -1))  # 57 degrees; critical: 42
+    assert not found.parts.any()
+    np.testing.assert_array_equal(found.weight, 1)
+    assert (found.event == 1).all() and (found.goes[:, 2] < 0).all()
+
+
+# --- real lenses, surface after surface ---------------------------------------------------------------------
+
+ZONES = [0.5, 0.35, 0.005]  # mm from the stop's centre: its rim, 0.7 of it, next to its centre
+
+
+def lens_rays(scene):
+    """Rays in the camera's frame, z along the light, and the same mirrored in y: from the mirror's vertex through zones
+    of the stop, from a point 532 mm beside it through the stop's centre, and one 1e-3 mm beside the axis, along it."""
+    distance = np.linalg.norm(np.subtract(scene.camera.position_mm, scene.camera.look_at_mm))
+    start = np.array([[0.0, height, 0.0] for height in (*ZONES, 0.0, 1e-3)])
+    source = np.array([[0.0, height, -distance] for height in (0.0, 0.0, 0.0, 532.0, 1e-3)])
+    over = np.array([1.0, -1.0, 1.0])
+    start, source = np.concatenate([start, start * over]), np.concatenate([source, source * over])
+    return start, unit(start - source)
+
+
+def figures(at, along, distance_mm):
+    """Half differences of mirrored rays: heights on the detector's plane [5], and the focal length of the last."""
+    slope = along[:, 1] / along[:, 2]
+    height = at[:, 1] + (distance_mm - at[:, 2]) * slope
+    height, slope = ((value[:5] - value[5:]) / 2 for value in (height, slope))
+    return height, -1e-3 / slope[4]
+
+
+@pytest.mark.parametrize("name", ["sphere-singlet", "sphere-doublet"])
+def test_real_lenses_image_as_the_oracle_says(bench, name):
+    """Focal length, image height and transverse spherical aberration, of the very rays that the kernel is given."""
+    scene = load_scene(name)
+    origin, axes = np.array(scene.camera.position_mm), np.stack(sequence.axes_of(scene.camera))
+    elements = [element_of(bench, replace(part.frame, position_mm=part.frame.position_mm - origin), part.quadric,
+                           origin=part.frame.position_mm - origin, index_front=part.index_front,
+                           index_back=part.index_back, reflectance=-1.0)
+                for part in parts_of(scene) if part.kind == "refractor"]  # fmt: skip
+    start, along = (vectors @ axes for vectors in lens_rays(scene))
+    found = bench.through(np.concatenate(elements), start, along)
+    start, along = (vectors.astype(bench.real).astype(float) for vectors in (start, along))
+    start = start + origin
+    for step in sequence.lens_of(scene):
+        start, along, _ = sequence.pass_step(step, start, along)
+    distance = scene.camera.detector_distance_mm
+    height, focal = figures(*(vectors @ axes.T for vectors in found), distance)
+    expected, expected_focal = figures((start - origin) @ axes.T, along @ axes.T, distance)
+    # fp32: roundings of 20 mm, less than 1/10000 pixel
+    tolerance = {"fp32": 3e-6, "fp64": 1e-12}[bench.precision]
+    np.testing.assert_allclose(height, expected, rtol=0, atol=tolerance)
+    assert height[3] == pytest.approx(expected[3], rel=1e-6, abs=0)
+    if bench.precision == "fp64":
+        aberration, of_oracle = (h[:2] - h[2] * np.array(ZONES[:2]) / ZONES[2] for h in (height, expected))
+        np.testing.assert_allclose(aberration, of_oracle, rtol=1e-6, atol=0)
+        assert abs(aberration[0]) > 1e-4
+        assert focal == pytest.approx(expected_focal, rel=1e-6, abs=0)
+        assert focal == pytest.approx(16.0, rel=1e-6, abs=0)

@@ -19,7 +19,7 @@ from significance import poisson_ratio_p, sidak_p, sidak_z
 from irtscots_cl import nonsequential
 from irtscots_cl.analytic import trace_analytic
 from irtscots_cl.element import Element
-from irtscots_cl.nonsequential import Kept, PathTracer, ends_of, trace_paths
+from irtscots_cl.nonsequential import Kept, PathTracer, trace_paths
 from irtscots_cl.options import NONSEQUENTIAL, TraceOptions
 from irtscots_cl.paths import KINDS
 from irtscots_cl.patterns import LineScan
@@ -322,6 +322,17 @@ def test_a_real_lens_passes_the_light_that_the_oracle_says(device, name):
     assert Z * math.hypot(error_w / expected, error) < 0.02  # less than a single surface reflects
 
 
+def test_paths_tell_how_sharp_they_are(device):
+    """Of the path by its name; what is in no path of its own has no focus. tests/test_sequence.py has the figures."""
+    paths = {path.name: path for path in lens_light("sphere-singlet", device).paths}
+    direct = paths["screen > mirror > lens.front > lens.back > detector"]
+    ghost = paths["screen > mirror > lens.front > lens.back (r) > lens.front (r) > lens.back > detector"]
+    assert abs(direct.focus_mm) < 2e-6 and direct.blur_mm < 2e-7  # lengths are told to 1e-6 mm
+    assert ghost.focus_mm == pytest.approx(-14.714, abs=1e-3)
+    assert ghost.blur_mm == pytest.approx(5.092, abs=1e-3)
+    assert math.isnan(paths["other"].focus_mm) and math.isnan(paths["other"].blur_mm)
+
+
 def slopes_behind(steps, axis, across, height_mm, origin):
     """Height and slope behind a lens, against its axis, of two rays at +-height_mm in front: half their difference.
 
@@ -467,7 +478,7 @@ def test_rays_are_given_up_at_the_bounce_limit(device):
     for limit in (1, 2, 3):
         tracer = PathTracer(scene, device, options, limit, 0.1)
         _, sums = tracer.run(np.array([512]), Kept((), ()))
-        ends.append(ends_of(sums, tracer.parts, 512 * tracer.streams))
+        ends.append(tracer.work.ends(sums, 512 * tracer.streams))
     one, two, three = ends
     assert (one["detected"], two["detected"]) == (0, 0)
     assert three["detected"] > 0 and three["bounce limit"] == 0

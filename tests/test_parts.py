@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from irtscots_cl.geometry import Frame
-from irtscots_cl.parts import FAR_MM, groups_of, on_screen, parts_of
+from irtscots_cl.parts import FAR_MM, groups_of, on_screen, parts_of, targets_of
 from irtscots_cl.presets import load_scene
-from irtscots_cl.scatter import Harvey
+from irtscots_cl.scatter import Harvey, Lambertian
 from irtscots_cl.scene import Element
 
 CAMERA = [("stop", "absorber"), ("lens", "lens"), ("detector", "detector")]
@@ -57,7 +57,7 @@ def test_the_mirror_is_the_worlds_frame_and_scatters_if_told():
     mirror = dataclasses.replace(scene.mirror, scatter=Harvey(0.01, -1.5, tis=0.0025), obscuration_mm=30.0,
                                  reflectance=0.9)  # fmt: skip
     part = parts_of(dataclasses.replace(scene, mirror=mirror))[0]
-    assert (part.kind, part.scatter, part.reflectance) == ("scattering", mirror.scatter, 0.9)
+    assert (part.kind, part.scatter, part.reflectance) == ("mirror", mirror.scatter, 0.9)
     assert (part.outer_mm, part.inner_mm) == (mirror.diameter_mm / 2, 15.0)
     np.testing.assert_array_equal(part.frame.position_mm, np.zeros(3))
     np.testing.assert_array_equal(part.frame.axes, np.eye(3))
@@ -130,6 +130,51 @@ def test_an_elements_aperture_and_numbers():
     assert (lens.focal_length_mm, lens.transmittance, lens.shape) == (-30.0, 0.5, "plane")
     _, black = with_element(kind="absorber")
     assert black.focal_length_mm == np.inf
+    _, layer = with_element(kind="refractor", index_front=1.0, index_back=1.5, coating_index=1.2)
+    assert (layer.kind, layer.coating_index, layer.refracts) == ("coated", 1.2, True)
+    assert glass.refracts and not black.refracts
+    _, wall = with_element(kind="absorber", scatter=Lambertian(0.3))
+    assert (wall.kind, wall.scatter) == ("wall", Lambertian(0.3))
+    _, meter = with_element(kind="detector")
+    assert (meter.kind, meter.scatter, black.kind) == ("absorber", None, "absorber")  # pixels has the camera's alone
+
+
+# --- targets ------------------------------------------------------------------------------------------------
+
+
+def targets(scene):
+    return {target.name: target for target in targets_of(scene)}
+
+
+def test_a_scattering_mirror_aims_at_the_camera_alone():
+    scene = load_scene("sphere")
+    mirror = dataclasses.replace(scene.mirror, scatter=Lambertian(0.1))
+    found = targets(dataclasses.replace(scene, mirror=mirror))
+    assert list(found) == ["stop"]
+    stop = found["stop"]
+    assert stop.radius_mm == scene.camera.aperture_diameter_mm / 2
+    np.testing.assert_array_equal(stop.frame.position_mm, scene.camera.position_mm)
+    np.testing.assert_array_equal(stop.frame.axes, named(scene)["stop"].frame.axes)
+
+
+def test_other_scatterers_also_aim_at_detector_mirror_and_what_is_important():
+    """Disks that hold the elements' apertures: round ones, rectangles by their corners."""
+    scene, _ = with_element(kind="absorber", scatter=Lambertian(0.1))
+    assert list(targets(scene)) == ["stop", "detector", "mirror"]
+    more = Element("plate", "absorber", (0.0, 0.0, 700.0), (0.0, 0.0, 0.0), size_mm=(6.0, 8.0), important=True)
+    found, parts = targets(dataclasses.replace(scene, element=(*scene.element, more))), named(scene)
+    assert list(found) == ["stop", "detector", "mirror", "plate"]
+    assert found["plate"].radius_mm == 5.0  # half of the diagonal of 6 by 8
+    assert found["mirror"].radius_mm == scene.mirror.diameter_mm / 2
+    detector = scene.camera.detector
+    assert found["detector"].radius_mm == pytest.approx(np.hypot(*detector.pixels) * detector.pitch_mm / 2, rel=1e-15)
+    np.testing.assert_array_equal(found["detector"].frame.position_mm, parts["detector"].frame.position_mm)
+
+
+def test_an_important_element_is_a_target_of_the_mirrors_scatter_too():
+    scene, _ = with_element(important=True)
+    assert list(targets(scene)) == ["stop", "more"]
+    assert targets(scene)["more"].radius_mm == 10.0
 
 
 @pytest.mark.parametrize("radius", [120.0, -120.0])

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import itertools
+import os
 import re
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from lopsided import lopsided
@@ -32,7 +35,7 @@ FAMILIES = {
 PATH_FAMILIES = {
     "keys": ["none", "random"],
     "spawn": ["none", "list"],
-    "scatter": ["lambertian", "harvey", "abg"],
+    "branch": ["roulette", "both"],
 }
 STRUCTS = {"Launch": LAUNCH}
 
@@ -105,10 +108,12 @@ def test_no_kernel_file_is_dead():
     for members in itertools.product(*PATH_FAMILIES.values()):
         choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power"}
         first = [path.name for path in kernels_folder().glob("interact_*.cl")]
-        first += ["element_deviated.cl", "finish_scattering.cl"]
+        first += ["element_deviated.cl", *(path.name for path in kernels_folder().glob("scatter_*.cl"))]
+        first += ["finish_refractor.cl" if choices["branch"] == "roulette" else "finish_both.cl"]
         used |= set(compose("trace_paths.cl", choices, STRUCTS, "fp32", 8, first=first).files)
     used |= set(compose("multiply_add.cl", {}, STRUCTS, "fp32", 8).files)  # the benchmark's own
-    used |= set(compose("probe_sums.cl", {}, STRUCTS, "fp32", 8).files)
+    for entry in ("probe_sums", "self_test"):
+        used |= set(compose(f"{entry}.cl", {}, STRUCTS, "fp32", 8).files)
     assert used == {path.name for path in kernels_folder().iterdir()}
 
 
@@ -161,8 +166,47 @@ def test_an_entry_elsewhere_includes_files_of_the_folder(tmp_path):
     assert source.files == ("real_float.cl", "simd_scalar.cl", "philox.cl", "mine.cl")
 
 
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """The user's folder for temporary files."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    return folder
+
+
+def refusal_of_broken(device, folder) -> str:
+    entry = write(folder / "broken_here.cl", "int first = no_such_name;\nint second = nor_this;\n")
+    with pytest.raises(DeviceError) as caught:
+        build(device, compose(entry, {}, STRUCTS, "fp32", 1))
+    message = str(caught.value)
+    assert message.startswith(f"{device.label}: kernels do not build: ") and "\n" not in message
+    return message
+
+
+def test_the_compilers_whole_log_is_in_a_file_of_the_users_own(device, tmp_path, temporary):
+    messages = [refusal_of_broken(device, tmp_path) for _ in range(2)]
+    paths = [Path(message.rpartition("; the compiler's log: ")[2]) for message in messages]
+    assert paths[0] != paths[1]
+    for path in paths:
+        assert path.parent == temporary and re.fullmatch(r"irtscots-build-\w{8}\.log", path.name)
+        log = path.read_text(encoding="utf-8")
+        assert log.count("\n") > 1 and "no_such_name" in log and "nor_this" in log
+        assert os.name == "nt" or path.stat().st_mode & 0o777 == 0o600
+
+
+def test_a_log_that_cannot_be_kept_does_not_hide_the_error(device, tmp_path, temporary, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "mkstemp", full)
+    message = refusal_of_broken(device, tmp_path)
+    assert message.endswith("; its log could not be kept: [Errno 28] No space left on device")
+    assert "error" in message
+
+
 @pytest.mark.parametrize("line", [1, 2, 5])
-def test_a_compilers_message_names_file_and_line(device, tmp_path, line):
+def test_a_compilers_message_names_file_and_line(device, tmp_path, temporary, line):
     lines = ["// nothing"] * 6
     lines[0] = lines[2] = '#include "philox.cl"'
     lines.insert(line - 1, "int broken = no_such_name;")
@@ -214,7 +258,7 @@ def test_check_precision(device):
     check_precision(device, "fp32")
 
     class WithoutDoubles:
-        has_fp64, index, name = False, "3:1", "Some GPU"
+        has_fp64, label = False, "device 3:1 Some GPU"
 
     with pytest.raises(DeviceError, match="fp64: device 3:1 Some GPU has no double precision"):
         check_precision(WithoutDoubles(), "fp64")

@@ -14,10 +14,19 @@ from irtscots_cl.comparison import compare
 from irtscots_cl.files import plain
 from irtscots_cl.images import ImageStack
 from irtscots_cl.options import TraceOptions
+from irtscots_cl.paths import PathFlux, PathLight, StayingFlux
 from irtscots_cl.plots import write_figures
 from irtscots_cl.prediction import predict_error
 from irtscots_cl.reconstruction import reconstruct
-from irtscots_cl.report import build_report, measured_table, summary_tables, versions, write_html
+from irtscots_cl.report import (
+    build_report,
+    measured_table,
+    path_facts,
+    path_tables,
+    summary_tables,
+    versions,
+    write_html,
+)
 from irtscots_cl.transport import Transport
 
 CONTRACT = {
@@ -201,6 +210,29 @@ def test_a_measurement_s_table():
         ("without piston [nm]", "384.1"),
         ("without piston, tilt [nm]", "1"),
     ]
+
+
+def test_paths_with_their_focus_and_blur():
+    """Lengths to a micrometre, no minus before a zero, nothing where there is none."""
+    paths = (
+        PathFlux("screen > mirror > lens > detector", "direct", 2.0, 0.01, 900, -2e-7, 1e-8),
+        PathFlux("screen > mirror > plate (r) > lens > detector", "ghost", 0.5, 0.01, 50, -14.71418, 5.0923),
+        PathFlux("other", "other", 0.1, 0.01, 7),
+    )
+    light = PathLight(small_scene(), TraceOptions("nonsequential"), DEVICE, paths,
+                      (StayingFlux("absorbed by stop", 7.0, 0.02), StayingFlux("escaped", 0.0, 0.0)), 9.6,
+                      np.zeros((3, 3, 2, 1)), np.full(3, 100),
+                      {"launched": 1000, "parted": 0, "detected": 957, "escaped": 0, "absorbed by stop": 43}, LEDGER,
+                      SECONDS)  # fmt: skip
+    facts = plain(path_facts(light, ()))
+    assert [(path["focus_mm"], path["blur_mm"]) for path in facts["paths"]] == [
+        (-2e-7, 1e-8), (-14.71418, 5.0923), (None, None)
+    ]  # fmt: skip
+    table, ends = path_tables(path_facts(light, ()))
+    assert table.head == ("path", "kind", "flux [W]", "of direct", "rays", "focus [mm]", "blur [mm]")
+    absorbed = ("absorbed by stop", "43", "7 +- 0.02")
+    assert ends.rows == [("launched", "1,000", "9.6"), ("detected", "957", "2.6"), absorbed]
+    assert [row[-2:] for row in table.rows] == [("0.000", "0.000"), ("-14.714", "5.092"), ("", "")]
 
 
 def test_the_page_shows_all_figures_and_tables_and_escapes_text(report, tmp_path):

@@ -308,7 +308,8 @@ def test_tables_build_models():
         ({"model": "phong"}, ".model = 'phong': unknown model; allowed: " + MODELS),
         ({"model": ["abg"]}, ".model = ['abg']: unknown model; did you mean abg?"),
         ({**LAMBERTIAN, "tsi": 0.1}, ".tsi: unknown key; did you mean tis?"),
-        ({**HARVEY, "tis": 0.1, "slope": -2}, ".slope: unknown key; allowed: l, s, b0, tis"),
+        ({**HARVEY, "tis": 0.1, "slope": -2},
+         ".slope: unknown key; allowed: l, s, b0, tis, roughness_nm, wavelength_nm"),
         ({**LAMBERTIAN}, f".tis: missing; needs {FRACTION}"),
         ({**LAMBERTIAN, "tis": 1.01}, f".tis = 1.01: must be {FRACTION}"),
         ({**LAMBERTIAN, "tis": 0}, f".tis = 0: must be {FRACTION}"),
@@ -318,9 +319,16 @@ def test_tables_build_models():
         ({**HARVEY, "tis": "1"}, f".tis = '1': must be {FRACTION}"),
         ({**HARVEY, "b0": 0.0}, f".b0 = 0.0: must be {SCALE}"),
         ({**HARVEY, "b0": -1.0}, f".b0 = -1.0: must be {SCALE}"),
-        ({**HARVEY}, f".b0 = None: must be {SCALE}, unless tis is given in its place"),
+        ({**HARVEY}, f".b0 = None: must be {SCALE}, unless tis or roughness_nm is given in its place"),
+        ({**HARVEY, "roughness_nm": 2.0}, ".wavelength_nm = None: must be given with roughness_nm, and only then"),
+        ({**HARVEY, "tis": 0.1, "wavelength_nm": 500.0},
+         ".wavelength_nm = 500.0: must be given with roughness_nm, and only then"),
+        ({**HARVEY, "tis": 0.1, "roughness_nm": 2.0, "wavelength_nm": 500.0},
+         ".roughness_nm = 2.0: must be left out where tis (0.1) is given: exactly one of b0, tis, roughness_nm"),
+        ({**HARVEY, "roughness_nm": 0.0, "wavelength_nm": 500.0},
+         ".roughness_nm = 0.0: must be a finite number above 0 and at most 1e+06"),
         ({**HARVEY, "b0": 0.2, "tis": 0.1},
-         ".tis = 0.1: must be left out where b0 (0.2) is given: exactly one of b0, tis"),
+         ".tis = 0.1: must be left out where b0 (0.2) is given: exactly one of b0, tis, roughness_nm"),
         ({**HARVEY, "tis": 0.1, "l": 0.0}, ".l = 0.0: must be a finite number at least 1e-09 and at most 1e+09"),
         ({**HARVEY, "tis": 0.1, "s": 0.1}, ".s = 0.1: must be a finite number at least -10 and at most 0"),
         ({**HARVEY, "tis": 0.1, "s": -11}, ".s = -11: must be a finite number at least -10 and at most 0"),
@@ -365,3 +373,8 @@ def test_models_are_values():
         with pytest.raises(dataclasses.FrozenInstanceError):
             model.tis = 0.2
     assert dataclasses.replace(Harvey(0.01, -1.5, tis=0.1), s=-2.0) == Harvey(0.01, -2.0, tis=0.1)
+
+
+def test_a_lobe_of_given_roughness_scatters_as_bennett_and_porteus_say():
+    rough = Harvey(0.01, -1.5, roughness_nm=200.0, wavelength_nm=500.0)
+    assert rough.tis_at() == near(1 - math.exp(-((4 * math.pi * 200 / 500) ** 2)), ROUNDING)

@@ -97,7 +97,7 @@ def test_scattered_flux_is_that_of_a_quadrature(device, name):
     scene, options = scattering(SCATTER[name]), {"rays_per_pixel": 2**13, "replicates": REPLICATES, "seed": 61}
     light = trace_paths(scene, device=device, **options)
     bare = trace_paths(scattering(None), device=device, **options)
-    (path,) = (path for path in light.paths if path.kind == "scatter")
+    (path,) = (path for path in light.paths if path.name == "screen > mirror (s) > lens > detector")
     expected = scattered_flux_w(scene)
     assert path.rays > 100_000 and path.standard_error_w < 0.01 * expected
     # 0.1 %: pixels and the aperture are taken at their centres

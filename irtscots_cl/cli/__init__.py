@@ -33,6 +33,8 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     except (SceneError, ValueError, OSError) as error:
         return fail(error, EXIT_BAD_INPUT)
+    except MemoryError as error:  # of the host; Python's own says nothing
+        return fail(f"too little memory on the host: {error}".removesuffix(": "), EXIT_NO_DEVICE)
     except StoppedError as stopped:
         return fail(stopped, EXIT_STOPPED)
     except KeyboardInterrupt:

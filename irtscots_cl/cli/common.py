@@ -116,26 +116,6 @@ def add_measure(parser: argparse.ArgumentParser) -> None:
     )
 
 
-class progress_bar:  # noqa: N801  used as a function: `with progress_bar() as report:`
-    """A bar on stderr while something long is done, where stderr is a terminal."""
-
-    def __init__(self, doing: str = "tracing"):
-        self._doing = doing
-
-    def __enter__(self) -> Callable[[int, int], None]:
-        from rich.console import Console
-        from rich.progress import Progress
-
-        console = Console(stderr=True)
-        self._bar = Progress(console=console, transient=True, disable=not console.is_terminal)
-        self._bar.start()
-        task = self._bar.add_task(self._doing, total=None)
-        return lambda done, total: self._bar.update(task, completed=done, total=total)
-
-    def __exit__(self, *_) -> None:
-        self._bar.stop()
-
-
 def print_tables(tables) -> None:
     from rich import box
     from rich.console import Console

@@ -13,12 +13,13 @@ def add(commands) -> None:
 
 def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.device import HINT, DeviceError, all_devices
+    from irtscots_cl.selftest import probe
 
     found = []
     for device in all_devices():
         facts: dict[str, object] = device.describe()
         try:
-            facts |= device.probe()
+            facts |= probe(device)
         except DeviceError as error:
             facts["unusable"] = str(error)
         found.append(facts)

@@ -11,10 +11,10 @@ from irtscots_cl.cli.common import (
     command,
     print_json,
     print_tables,
-    progress_bar,
     site_arguments,
     visible_scene,
 )
+from irtscots_cl.cli.progress import Progress, add_quiet
 
 
 def add(commands) -> None:
@@ -23,8 +23,10 @@ def add(commands) -> None:
         "paths",
         _execute,
         "list the paths that light takes from the screen to the detector",
-        "Traces the scene with all its elements in any order: direct paths, ghosts, their flux, and what they add to "
-        "the measured height. (r) marks a reflection at an interface that should transmit.",
+        "Traces the scene with all its elements in any order: direct paths, ghosts, their flux, how sharp they are "
+        "on the detector, and what they add to the measured height. (r) marks a reflection at an interface that should "
+        "transmit. focus: from the detector to where the light of a mirror point meets again, negative before it; "
+        "blur: diameter of its light on the detector.",
     )
     add_scene(parser)
     parser.add_argument(
@@ -47,8 +49,16 @@ def add(commands) -> None:
         help="chance of a reflection at an interface, however small its share of the light: more of it, more rays "
         "on ghosts; default 0.1",
     )
+    parser.add_argument(
+        "--branches",
+        default="roulette",
+        metavar="B",
+        help="at an interface: roulette (a ray goes one way, by chance) or both (it parts, as long as the weaker part "
+        "weighs a thousandth of a ray); default roulette",
+    )
     parser.add_argument("--device", metavar="D", help=DEVICES_HELP)
     parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
+    add_quiet(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:
@@ -57,7 +67,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.report import path_facts, path_tables
     from irtscots_cl.straylight import stray_light
 
-    with site_arguments(options) as where, progress_bar() as progress:
+    with site_arguments(options) as where, Progress(quiet=options.quiet) as progress:
         light = trace_paths(
             scene,
             **where,
@@ -68,6 +78,7 @@ def _execute(options: argparse.Namespace) -> int:
             seed=options.seed,
             bounce_limit=options.bounce_limit,
             least_chance=options.least_chance,
+            branches=options.branches,
             progress=progress,
         )
     facts = path_facts(light, stray_light(light))

@@ -6,7 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from irtscots_cl.cli.common import DEVICE_HELP, command, print_json, print_tables, progress_bar
+from irtscots_cl.cli.common import DEVICE_HELP, command, print_json, print_tables
+from irtscots_cl.cli.keeping import add_resume, keeping
+from irtscots_cl.cli.progress import Progress, add_quiet
 
 NAMES = "snr, fig3, fig4, fig5, fig6, table4, table5, precision, zonal, brightness, scatter, off-axis, time"
 
@@ -31,6 +33,8 @@ def add(commands) -> None:
         help="where figures and documents go; default irtscots-out/reproduce",
         default=Path("irtscots-out/reproduce"),
     )
+    add_resume(parser)
+    add_quiet(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:
@@ -42,20 +46,22 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.device import select_device
     from irtscots_cl.studies.lab import Lab
 
-    lab, finished = Lab(select_device(options.device), options.quick), []
-    for name in names:
-        with progress_bar(name) as lab.progress:
-            finished.append(suite.run_study(name, lab))
-        if not options.json:
-            print_tables(suite.tables(finished[-1:]))
-            print("\n".join(f"  {note}" for note in finished[-1].outcome.notes))
-            sys.stdout.flush()
-    results = suite.facts(finished, lab)
-    options.out.mkdir(parents=True, exist_ok=True)
-    suite.write_figures(options.out, finished)
-    if options.what == suite.ALL:
-        suite.write_documents(options.out, finished, lab)
-    write_json(options.out / "reproduce.json", results)
+    device, finished = select_device(options.device), []
+    with keeping(options.out, "checkpoints", options.resume, many=True) as keeper:
+        lab = Lab(device, options.quick, keeper=keeper)
+        for name in names:
+            with Progress(name, options.quiet) as lab.progress:
+                finished.append(suite.run_study(name, lab))
+            if not options.json:
+                print_tables(suite.tables(finished[-1:]))
+                print("\n".join(f"  {note}" for note in finished[-1].outcome.notes))
+                sys.stdout.flush()
+        results = suite.facts(finished, lab)
+        suite.write_figures(options.out, finished)
+        if options.what == suite.ALL:
+            suite.write_documents(options.out, finished, lab)
+        write_json(options.out / "reproduce.json", results)
+        keeper.remove()
     if options.json:
         print_json(plain(results))
     else:

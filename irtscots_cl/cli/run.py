@@ -18,11 +18,11 @@ from irtscots_cl.cli.common import (
     command,
     print_json,
     print_tables,
-    progress_bar,
     site_arguments,
     visible_scene,
 )
 from irtscots_cl.cli.keeping import add_resume, keeping
+from irtscots_cl.cli.progress import Progress, add_quiet
 
 # Defaults of what a target chooses itself.
 RAYS = {"rays_per_pixel": 16384, "replicates": 8, "aim": "mirror", "overfill": 1.0}
@@ -67,6 +67,7 @@ def add(commands) -> None:
         "measure that get there, except what is given here too",
     )
     add_resume(parser)
+    add_quiet(parser)
     parser.add_argument(
         "--max-seconds",
         type=float,
@@ -160,7 +161,7 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
 def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
     """Run as the options say."""
     from irtscots_cl.options import ANALYTIC
-    from irtscots_cl.pipeline import simulate
+    from irtscots_cl.pipeline import outlook, simulate
     from irtscots_cl.precision import check_precision_of_scene, check_precision_on
 
     wanted = DEFAULTS | RAYS | given
@@ -169,9 +170,9 @@ def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
             check_precision_of_scene(scene, device, wanted["precision"], options.scene)
         if "client" in where:
             where["client"].call(check_precision_on, scene.to_toml(), wanted["precision"], options.scene)
-        with progress_bar() as progress:
-            return simulate(scene, progress=progress, seed=options.seed, parts=options.parts,
-                            keeper=keeper, **where, **wanted)  # fmt: skip
+        with Progress(quiet=options.quiet, estimate=lambda traced: outlook(traced, wanted["measure"])) as progress:
+            return simulate(scene, progress=progress, finished=progress.finished, seed=options.seed,
+                            parts=options.parts, keeper=keeper, **where, **wanted)  # fmt: skip
 
 
 def _reach(scene, options: argparse.Namespace, given: dict):
@@ -180,6 +181,6 @@ def _reach(scene, options: argparse.Namespace, given: dict):
     from irtscots_cl.targets import reach
 
     device = select_device(options.device)
-    with progress_bar() as progress:
+    with Progress(quiet=options.quiet) as progress:
         return reach(scene, options.target_nm, device=device, seed=options.seed, parts=options.parts,
                      progress=progress, **given)  # fmt: skip

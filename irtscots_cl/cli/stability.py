@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from irtscots_cl.cli.common import command, print_json, print_tables, progress_bar
+from irtscots_cl.cli.common import command, print_json, print_tables
+from irtscots_cl.cli.progress import Progress, add_quiet
 
 
 def add(commands) -> None:
@@ -23,12 +24,13 @@ def add(commands) -> None:
         help="part of a device's name, its index such as 0:0, cpu or gpu; default: every device that works",
     )
     parser.add_argument("--long", action="store_true", help="also the cases that take many seconds or much memory")
+    add_quiet(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.stability.suite import failure_table, run_stability, stability_tables
 
-    with progress_bar("checking") as progress:
+    with Progress("checking", options.quiet, "checks") as progress:
         results = run_stability(_devices(options.device), options.long, progress)
     if options.json:
         from irtscots_cl.files import plain
@@ -44,13 +46,14 @@ def _execute(options: argparse.Namespace) -> int:
 
 def _devices(choice: str | None) -> list:
     from irtscots_cl.device import DeviceError, all_devices, select_device
+    from irtscots_cl.selftest import check_device
 
     if choice is not None:
         return [select_device(choice)]
     usable = []
     for device in all_devices():
         try:
-            device.probe()
+            check_device(device, "fp32")
         except DeviceError:
             continue
         usable.append(device)

@@ -29,7 +29,7 @@ RAYS, DRAWS = 16384, 40
 def study(lab: Lab) -> Outcome:
     scene = load_scene("sphere")
     transport = trace(scene, device=lab.device, estimator="adjoint", sampler="sobol", rays_per_pixel=RAYS, replicates=1,
-                      seed=SEED, progress=lab.progress)  # fmt: skip
+                      seed=SEED, progress=lab.progress, keeper=lab.keeper)  # fmt: skip
     even = _measured(transport, scene, None)
     random = np.random.default_rng(SEED)
     size = (DRAWS // 2 if lab.quick else DRAWS, *scene.screen.pixels[::-1])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.aiming import camera_aim
+from irtscots_cl.checkpoint import Keeper
 from irtscots_cl.comparison import Estimate
 from irtscots_cl.device import Device
 from irtscots_cl.images import ImageStack
@@ -46,11 +47,17 @@ class Traced:
 class Lab:
     """Traces for the studies. quick: without the paper's largest ray number, and a hundredth of the off-axis case's.
 
-    progress(done, total): called after each launch with ray numbers.
+    progress(done, total): called after each launch with ray numbers. keeper: of all traces.
     """
 
-    def __init__(self, device: Device, quick: bool = False, progress: Callable[[int, int], None] | None = None):
-        self.device, self.quick, self.progress = device, quick, progress
+    def __init__(
+        self,
+        device: Device,
+        quick: bool = False,
+        progress: Callable[[int, int], None] | None = None,
+        keeper: Keeper | None = None,
+    ):
+        self.device, self.quick, self.progress, self.keeper = device, quick, progress, keeper
         self.ray_numbers = PAPER_RAYS[:2] if quick else PAPER_RAYS
         self._kept: dict[tuple, Traced] = {}
 
@@ -72,7 +79,8 @@ class Lab:
             overfill = PAPER_OVERFILL if aim == "mirror" else 1.0
             aimed = round(rays * share / PAPER_OVERFILL) if aim == "camera" else rays
             done = trace(scene, device=self.device, estimator="forward", rays_per_pixel=aimed, replicates=RUNS,
-                         seed=SEEDS[name], aim=aim, overfill=overfill, progress=self.progress)  # fmt: skip
+                         seed=SEEDS[name], aim=aim, overfill=overfill, progress=self.progress,
+                         keeper=self.keeper)  # fmt: skip
             pixels = int(np.prod(scene.screen.pixels))
             self._kept[key] = Traced(scene, done.images(LineScan(scene)), done.rays_total, rays * pixels, done.seconds)
         return self._kept[key]

@@ -64,7 +64,7 @@ def _tenfold(lab: Lab, scene: Scene, full: Traced) -> tuple[ImageStack, int]:
     hits = full.stack.x.hits
     rays = max(round(10 * float(np.median(hits[hits > 0]))), RUNS)
     done = trace(scene, device=lab.device, estimator="adjoint", rays_per_pixel=rays, replicates=RUNS, seed=SEED,
-                 progress=lab.progress)  # fmt: skip
+                 progress=lab.progress, keeper=lab.keeper)  # fmt: skip
     return done.images(LineScan(scene)), done.rays_total
 
 

@@ -1,4 +1,4 @@
-"""Scatter from the mirror: beside the specular light, its map, its height (paper, section 3.3, figure 10)."""
+"""Scatter from the mirror and from the camera's lens: light, map and height (paper, section 3.3, figure 10)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from irtscots_cl.patterns import LineScan
 from irtscots_cl.presets import load_scene
 from irtscots_cl.scatter import Harvey, tis_of_roughness
 from irtscots_cl.scene import Scene
-from irtscots_cl.straylight import stray_light
+from irtscots_cl.straylight import StrayLight, stray_light
 from irtscots_cl.studies.drawing import maps
 from irtscots_cl.studies.lab import CENTRE, SEED, Lab, over_runs
 from irtscots_cl.studies.outcome import Outcome, exact, row
@@ -31,9 +31,9 @@ BLOCK = 4  # pixels about the centre, over which the scattered irradiance is ave
 def study(lab: Lab) -> Outcome:
     tis = float(tis_of_roughness(SIGMA_NM, WAVELENGTH_NM))
     clean, dirty = (Harvey(tis=factor * tis, **LOBE) for factor in (1, 10))
-    light = _traced(lab, clean)
+    light, lens = _traced(lab, _dull_mirror(clean)), _traced(lab, _dull_lens(clean))
     expected = float(clean.bsdf(0.0)) * _line_solid_angle(light.scene)
-    (effect,), (dirtier,) = stray_light(light), stray_light(_traced(lab, dirty))
+    effect, dirtier, of_lens = (_effect(each) for each in (light, _traced(lab, _dull_mirror(dirty)), lens))
     pattern, (of_all, of_line) = LineScan(light.scene), _specular(light)
     specular, scattered = (light.only(kind).images(pattern).x.image(LINE) for kind in ("direct", "scatter"))
     under_line = _scattered(light)
@@ -48,25 +48,42 @@ def study(lab: Lab) -> Outcome:
         row("its effect on the height [nm]", effect.height_nm, paper=PRINTED_HEIGHT_NM,
             inconsistent="light of all lines on a pixel pulls its centroid to the screen's middle, by the ratio above"),
         row("the same, a mirror with ten times the TIS [nm]", dirtier.height_nm),
+        row("the same lobe at the front of a camera's lens: scattered over direct flux", exact(of_lens.of_direct)),
+        row("its effect on the height [nm]", of_lens.height_nm),
     ), (
         f"{light.rays_total:,} rays, Philox, seed {SEED}, non-sequential; scattered rays are aimed at the camera "
-        "(next-event estimation), each with the weight of the BSDF",
+        "(next-event estimation) or drawn from the lobe, each with the weight of the BSDF over the density of both",
         f"Harvey lobe with L = {LOBE['l']}, S = {LOBE['s']}: the paper states only the TIS; expected: b0 times the "
         "solid angle of a line (2 % allowed: the lobe falls over the line's length); under the line itself a pixel "
         "gets a quarter of its specular light, as the line shows a quarter of the aperture",
         "roughness is taken as an rms (Rq); the paper's 2 nm is an Ra, whose Rq is 1.1 to 1.25 times that",
         "height: measured with the scattered light and without, piston and tilt removed",
+        "lens: the singlet of the preset sphere-singlet, its front with the TIS of the clean mirror; "
+        f"{lens.rays_total:,} rays",
     ), {"fig10.png": maps([("one line, specular", specular / specular.max()),
                            ("its scattered light", scattered / specular.max())], "irradiance over the brightest",
                           columns=2)})  # fmt: skip
 
 
-def _traced(lab: Lab, lobe: Harvey) -> PathLight:
+def _dull_mirror(lobe: Harvey) -> Scene:
     scene = load_scene("sphere")
-    scene = replace(scene, mirror=replace(scene.mirror, scatter=lobe))
+    return replace(scene, mirror=replace(scene.mirror, scatter=lobe))
+
+
+def _dull_lens(lobe: Harvey) -> Scene:
+    scene = load_scene("sphere-singlet")
+    front, *others = scene.element
+    return replace(scene, element=(replace(front, scatter=lobe), *others))
+
+
+def _effect(light: PathLight) -> StrayLight:
+    return next(stray for stray in stray_light(light) if stray.kind == "scatter")
+
+
+def _traced(lab: Lab, scene: Scene) -> PathLight:
     rays = QUICK_RAYS if lab.quick else RAYS
     return trace_paths(scene, device=lab.device, rays_per_pixel=rays, replicates=REPLICATES, seed=SEED,
-                       progress=lab.progress)  # fmt: skip
+                       progress=lab.progress, keeper=lab.keeper)  # fmt: skip
 
 
 def _line_solid_angle(scene: Scene) -> float:

@@ -59,7 +59,7 @@ def _block() -> np.ndarray:
 def _measured(lab: Lab, scene: Scene, rays: int, overfill: float) -> tuple[Estimate, float, float]:
     """The block's ratio; the centre pixel's ratio and its mean count."""
     done = trace(scene, device=lab.device, estimator="forward", rays_per_pixel=RUNS * rays, replicates=RUNS,
-                 seed=SEED, overfill=overfill, progress=lab.progress)  # fmt: skip
+                 seed=SEED, overfill=overfill, progress=lab.progress, keeper=lab.keeper)  # fmt: skip
     hits = done.counts[:, np.searchsorted(done.windows.pixels, _block())].sum((2, 3)).astype(float)
     mean, variance = hits.mean(0), hits.var(0, ddof=1)
     pooled = mean.mean() / np.sqrt(variance.mean())

@@ -117,7 +117,8 @@ def _adjoint(lab: Lab) -> Iterator[Row]:
 
 def _by(lab: Lab, scene: Scene, how: str, rays: int, options: dict, measure: str, floor: float) -> Iterator[Row]:
     """Height error and seconds of an adjoint run, beside the paper's run with so many rays per screen pixel."""
-    done = trace(scene, device=lab.device, estimator="adjoint", seed=SEED, progress=lab.progress, **options)
+    done = trace(scene, device=lab.device, estimator="adjoint", seed=SEED, progress=lab.progress, keeper=lab.keeper,
+                 **options)  # fmt: skip
     stack, paper = done.images(LineScan(scene)), PRINTED["sphere-deviated"][PAPER_RAYS.index(rays)][2]
     reason = _below(paper, floor) if measure == "paper" else ""
     yield row(f"{scene.name}, {how}, {done.rays_total:.2g} rays: height [nm]", _errors(stack, scene, measure)[2],

@@ -1,0 +1,95 @@
+"""How far a command is, on stderr: a bar on a terminal, else a line every ten seconds, nothing with --quiet."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+
+LINE_SECONDS = 10.0  # between two lines
+FIRST_ESTIMATE_SECONDS = 60.0  # a first estimate of the error takes about a second
+COST_SHARE = 50  # the time between two estimates is so many times that of one: 2 %
+
+
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--quiet", action="store_true", help="no progress on stderr")
+
+
+class Progress:
+    """Called with (done, total) now and then; `with` draws it. unit: of both. estimate(result): what is known of the
+    error of a trace so far, in words; it is asked as `finished` gets the traces of whole replicates, but seldom."""
+
+    def __init__(
+        self,
+        doing: str = "tracing",
+        quiet: bool = False,
+        unit: str = "rays",
+        estimate: Callable[[object], str] | None = None,
+    ):
+        self._doing, self._quiet, self._unit, self._estimate = doing, quiet, unit, estimate
+        self._known, self._bar = "", None
+        self._began = self._told = self._estimated = time.monotonic()
+        self._next_estimate = FIRST_ESTIMATE_SECONDS
+        self._first, self._total = 0, 0
+
+    def __enter__(self) -> Progress:
+        if self._quiet:
+            return self
+        from rich import progress
+        from rich.console import Console
+
+        console = Console(stderr=True)
+        if console.is_terminal:
+            columns = (progress.TextColumn("{task.description}"), progress.BarColumn(), progress.TaskProgressColumn(),
+                       progress.TextColumn("{task.fields[facts]}"))  # fmt: skip
+            self._bar = progress.Progress(*columns, console=console, transient=True)
+            self._bar.start()
+            self._task = self._bar.add_task(self._doing, total=None, facts="")
+        return self
+
+    def __exit__(self, *_) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def __call__(self, done: int, total: int) -> None:
+        if self._quiet:
+            return
+        now = time.monotonic()
+        if total != self._total or done < self._first:  # another trace
+            self._began, self._first, self._total = now, done, total
+        if self._bar is not None:
+            self._bar.update(self._task, completed=done, total=total, facts=self._facts(done, total, now))
+        elif now - self._told >= LINE_SECONDS:
+            self._told = now
+            print(f"{self._doing}: {done / total:.0%}, {self._facts(done, total, now)}", file=sys.stderr, flush=True)
+
+    def finished(self, result: object) -> None:
+        """The trace so far, of whole replicates: what trace(finished=...) is given."""
+        now = time.monotonic()
+        if self._quiet or self._estimate is None or now - self._estimated < self._next_estimate:
+            return
+        self._known = self._estimate(result)
+        self._estimated = time.monotonic()
+        self._next_estimate = max(LINE_SECONDS, COST_SHARE * (self._estimated - now))
+
+    def _facts(self, done: int, total: int, now: float) -> str:
+        facts = [f"{_short(done)} of {_short(total)} {self._unit}"]
+        if done > self._first and now > self._began:
+            speed = (done - self._first) / (now - self._began)
+            facts += [f"{_short(speed)} {self._unit}/s", f"{_clock((total - done) / speed)} left"]
+        return ", ".join([*facts, *[self._known] * bool(self._known)])
+
+
+def _short(number: float) -> str:
+    """Three digits and a suffix."""
+    for suffix, size in (("T", 1e12), ("G", 1e9), ("M", 1e6), ("k", 1e3)):
+        if number >= size:
+            return f"{number / size:.3g}{suffix}"
+    return f"{number:.3g}"
+
+
+def _clock(seconds: float) -> str:
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"

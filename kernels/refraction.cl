@@ -1,0 +1,34 @@
+// An interface between two media: Snell's law, and what a bare one reflects by Fresnel's.
+#include "interaction.cl"
+
+// A ray at an interface: indices and cosines on its own side and beyond; total: all of it is reflected.
+typedef struct {
+    realv index_in, index_out, cosine_in, cosine_out;
+    maskv total;
+    vec3v beyond;   // its direction there
+} Refraction;
+
+INLINE Refraction refract(__constant Element *element, const Interaction *at) {
+    const realv along_normal = dot3(at->along, at->normal);
+    const maskv front = along_normal < 0;
+    Refraction r;
+    r.index_in = front ? (realv)(element->index_front) : (realv)(element->index_back);
+    r.index_out = front ? (realv)(element->index_back) : (realv)(element->index_front);
+    r.cosine_in = front ? -along_normal : along_normal;
+    const realv ratio = r.index_in / r.index_out;
+    const realv square = 1 - ratio * ratio * (1 - r.cosine_in * r.cosine_in);
+    r.total = square <= 0;
+    r.cosine_out = real_sqrt(r.total ? (realv)(0) : square);
+    const realv turn = (front ? (realv)(1) : (realv)(-1)) * (ratio * r.cosine_in - r.cosine_out);
+    r.beyond = (vec3v){ratio * at->along.x + turn * at->normal.x, ratio * at->along.y + turn * at->normal.y,
+                       ratio * at->along.z + turn * at->normal.z};
+    return r;
+}
+
+// Fresnel's amplitudes at an interface, by the cosines of the angles on both sides: of s and of p.
+INLINE realv amplitude_s(realv index_in, realv index_out, realv cosine_in, realv cosine_out) {
+    return (index_in * cosine_in - index_out * cosine_out) / (index_in * cosine_in + index_out * cosine_out);
+}
+INLINE realv amplitude_p(realv index_in, realv index_out, realv cosine_in, realv cosine_out) {
+    return (index_out * cosine_in - index_in * cosine_out) / (index_out * cosine_in + index_in * cosine_out);
+}
