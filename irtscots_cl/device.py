@@ -159,7 +159,8 @@ def select_devices(choice: str | None = None) -> tuple[Device, ...]:
         return usable or (select_device(None),)  # which says what to do about it
     if wanted is None or "," not in wanted:
         return (select_device(choice),)
-    return tuple(dict.fromkeys(select_device(part) for part in wanted.split(",")))
+    chosen = [select_device(part) for part in wanted.split(",")]
+    return tuple({device.index: device for device in chosen}.values())
 
 
 def describe_together(facts: list[dict[str, object]]) -> dict[str, object]:

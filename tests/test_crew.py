@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from argparse import Namespace
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +15,10 @@ from hypothesis import strategies as st
 
 from irtscots_cl import crew as module
 from irtscots_cl.checkpoint import Interrupted, Keeper
+from irtscots_cl.cli import run
+from irtscots_cl.cli.common import DEFAULTS, site_arguments
 from irtscots_cl.crew import Crew, Member, together
-from irtscots_cl.device import Device, DeviceError
+from irtscots_cl.device import Device, DeviceError, all_devices
 from irtscots_cl.launches import Pace
 from irtscots_cl.presets import load_scene
 from irtscots_cl.runner import run_rays
@@ -179,6 +182,16 @@ def test_an_interrupted_trace_of_two_devices_goes_on_on_one(device, two, tmp_pat
         trace(coarse(), device=two, launch_rays=30_000, progress=stop, keeper=keeper, **RAYS)
     gone_on = trace(coarse(), device=device, keeper=Keeper(path, resume=True), **RAYS)
     np.testing.assert_array_equal(gone_on.counts, whole.counts)
+
+
+def test_the_command_line_takes_all_devices(monkeypatch):
+    for choice in ("all", None):
+        monkeypatch.setenv("IRTSCOTS_DEVICE", "all")
+        with site_arguments(Namespace(device=choice, dask=None)) as where:
+            assert where == {"device": all_devices()}
+    with pytest.raises(ValueError, match="^--target-nm: must be left out with --device = 'all'"):
+        run._check(Namespace(device="all", dask=None, target_nm=1.0, max_seconds=None, resume=None, seed=1), {
+            **DEFAULTS, **run.RAYS})  # fmt: skip
 
 
 def test_no_thread_is_left(two):

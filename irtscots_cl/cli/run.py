@@ -137,6 +137,8 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
                 raise ValueError(f"--{name}: must be left out with --target-nm, which chooses the rays anew each time")
         for name in choices(options, RAYS):
             raise ValueError(f"--{name.replace('_', '-')}: --target-nm chooses it; must not be given too")
+        if options.device is not None and (options.device.strip().lower() == "all" or "," in options.device):
+            raise ValueError(f"--target-nm: must be left out with --device = {options.device!r}: it wants one device")
         if options.dask is not None:
             raise ValueError("--dask: must be left out with --target-nm, whose pilot runs are timed on one device")
         from irtscots_cl.targets import check_target
