@@ -13,7 +13,8 @@ Map of the files, in layers; a file imports only from files above it:
     pixelmap, cells, pixellight                           a detector pixel's light in closed form
     interface, device, program, execution                 OpenCL: no other file imports pyopencl
     windows, samplers, options, launches, checkpoint,
-    runner, aiming, packing, transport, analytic, parts, paths,
+    runner, crew, tasks, cluster, aiming, packing,
+    transport, analytic, parts, paths, pathsums,
     nonsequential, tracer, probes, precision              scene + device -> Transport, light curves, light by path
     images, patterns                                      Transport -> image stack
     lightcurves, centroids, profiles, slopes,
@@ -47,6 +48,7 @@ _PUBLIC = {
     "reconstruct": "reconstruction",
     "refine": "refinement",
     "select_device": "device",
+    "select_devices": "device",
     "stray_light": "straylight",
     "trace": "tracer",
     "trace_paths": "nonsequential",

@@ -22,7 +22,6 @@ from typing import BinaryIO
 import numpy as np
 
 import irtscots_cl
-from irtscots_cl.device import Device
 from irtscots_cl.launches import Place
 from irtscots_cl.options import TraceOptions
 from irtscots_cl.scene import Scene
@@ -128,8 +127,7 @@ class KeptTrace:
 
         kernel_seconds: since `begin`. Raises Interrupted, after a save, if the trace is to end.
         """
-        keeper, now = self._keeper, time.monotonic()
-        ends = keeper.stop or now >= keeper.end_time
+        keeper, now, ends = self._keeper, time.monotonic(), self.ends
         wait = max(LEAST_SECONDS, COST_SHARE * self._seconds_per_byte * _nbytes(self._kept_of(place)))
         if not ends and now - self._saved < wait:
             return
@@ -146,6 +144,11 @@ class KeptTrace:
             self._save(place, kernel_seconds, time.monotonic())
         if self._keeper.stop:
             raise Interrupted(f"{self._why()} after all of the rays")
+
+    @property
+    def ends(self) -> bool:
+        """Whether the trace is to end at the next call of `launched`."""
+        return self._keeper.stop or time.monotonic() >= self._keeper.end_time
 
     def discard(self) -> None:
         """Forget the sums, which turned out to be of no use."""
@@ -210,11 +213,16 @@ class KeptTrace:
         return place
 
 
-def trace_facts(scene: Scene, options: TraceOptions, rays: np.ndarray, device: Device, **more: int | float) -> Facts:
-    """What a trace of rays [replicates] per stream depends on, as far as it is known before its kernel is built."""
+def trace_facts(
+    scene: Scene, options: TraceOptions, rays: np.ndarray, about: dict[str, str], **more: int | float
+) -> Facts:
+    """What a trace of rays [replicates] per stream depends on, as far as it is known before its kernel is built.
+
+    about: {"device", "driver"}: their names.
+    """
     facts = {"scene": hash_of(scene.to_toml().encode())} | asdict(options)
-    about = {"device": device.name, "driver": device.driver, "version": irtscots_cl.__version__}
-    return facts | more | {"rays_per_pixel": int(rays.sum()), "replicates": len(rays)} | about
+    numbers = {"rays_per_pixel": int(rays.sum()), "replicates": len(rays)}
+    return facts | more | numbers | {**about, "version": irtscots_cl.__version__}
 
 
 def digest_of(facts: Facts) -> str:

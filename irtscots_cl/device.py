@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from functools import cached_property, lru_cache
 import pyopencl as cl
 
 ENVIRONMENT = "IRTSCOTS_DEVICE"
+ALL = "all"  # every usable device of this machine
 HINT = "install one: pip install 'pyopencl[pocl]' (CPU, Linux x86-64), or your GPU vendor's OpenCL driver"
 
 
@@ -135,6 +137,8 @@ def select_device(choice: str | None = None) -> Device:
     source = "--device"
     if choice is None:
         choice, source = os.environ.get(ENVIRONMENT) or None, ENVIRONMENT
+    if choice is not None and choice.strip().lower() == ALL:
+        raise DeviceError(f"{source} = {choice!r}: must name one device here")
     usable = [d for d in devices if _is_usable(d)]
     matching = usable if choice is None else [d for d in usable if _matches(d, choice)]
     if not matching:
@@ -142,6 +146,37 @@ def select_device(choice: str | None = None) -> Device:
         raise DeviceError(f"{source} = {choice!r}: no such usable device; found: {allowed}")
     rank = {"gpu": 0, "other": 1, "cpu": 2}
     return min(matching, key=lambda d: (rank[d.kind], -d.cl_device.max_compute_units))
+
+
+def select_devices(choice: str | None = None) -> tuple[Device, ...]:
+    """All usable devices for "all", one for each choice of a list with commas, or the one that select_device takes.
+
+    Every one comes once. None takes the environment variable IRTSCOTS_DEVICE. Raises as select_device does.
+    """
+    wanted = choice if choice is not None else os.environ.get(ENVIRONMENT)
+    if wanted is not None and wanted.strip().lower() == ALL:
+        usable = tuple(d for d in all_devices() if _is_usable(d))
+        return usable or (select_device(None),)  # which says what to do about it
+    if wanted is None or "," not in wanted:
+        return (select_device(choice),)
+    chosen = [select_device(part) for part in wanted.split(",")]
+    return tuple({device.index: device for device in chosen}.values())
+
+
+def describe_together(facts: list[dict[str, object]]) -> dict[str, object]:
+    """Device.describe() of one; of many, the same keys for all of them together.
+
+    compute_units: of all. devices: the facts of each, which may be together too.
+    """
+    if len(facts) == 1:
+        return facts[0]
+    together: dict[str, object] = {}
+    for key in ("index", "name", "platform", "driver", "kind"):
+        counted = Counter(str(of_one[key]) for of_one in facts)
+        times = {text: f"{n} x " if key == "name" and n > 1 else "" for text, n in counted.items()}
+        together[key] = " + ".join(times[text] + text for text in counted)
+    together["compute_units"] = sum(int(of_one["compute_units"]) for of_one in facts)
+    return together | {"devices": facts}
 
 
 def _is_usable(device: Device) -> bool:

@@ -89,6 +89,15 @@ def plan_launches(
         first_stream, first_ray = 0, first_ray + per_stream
 
 
+def cut_part(
+    part: tuple[int, int, int, int], launch_rays: Callable[[], int], per_item: int
+) -> Iterator[tuple[int, int, int, int]]:
+    """Cut a part, as plan_launches gives it, into launches of about launch_rays() rays."""
+    first_stream, streams, first_ray, rays = part
+    for stream, count, ray, of_stream in plan_launches(streams, rays, launch_rays, per_item):
+        yield first_stream + stream, count, first_ray + ray, of_stream
+
+
 class Pace:
     """Rays per second of the launches so far, and the seconds spent in kernels."""
 
@@ -99,6 +108,11 @@ class Pace:
         self.kernel_seconds += seconds
         if rays:
             self._rays_per_second = max(rays / max(seconds, 1e-6), 1e6)
+
+    @property
+    def rays_per_second(self) -> float:
+        """Of the last launch; 0 before any was timed."""
+        return self._rays_per_second
 
     def launch_rays(self, first: int = FIRST_LAUNCH_RAYS) -> int:
         """Rays of the next launch; `first` before any was timed."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,25 +45,28 @@ def simulate(
     *,
     measure: str = "paper",
     parts: bool = False,
-    device: Device | None = None,
+    device: Device | Sequence[Device] | None = None,
+    client=None,
     progress: Callable[[int, int], None] | None = None,
     **trace_options,
 ) -> Run:
     """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
 
-    measure: a name of measures.MEASURES. parts: also separate the height error into its parts. trace_options:
-    estimator, sampler, precision, rays_per_pixel, replicates, seed, aim, overfill, smoothing, keeper, finished of
-    `trace`. Raises as `trace` and `measure_by` do.
+    measure: a name of measures.MEASURES. parts: also separate the height error into its parts; rounding is told apart
+    on the first device, not with a client. device, client: as of `trace`. trace_options: estimator, sampler, precision,
+    rays_per_pixel, replicates, seed, aim, overfill, smoothing, keeper, finished of `trace`. Raises as `trace` and
+    `measure_by` do.
     """
     started = time.perf_counter()
-    transport = trace(scene, device=device, progress=progress, **trace_options)
+    transport = trace(scene, device=device, client=client, progress=progress, **trace_options)
     traced = time.perf_counter()
     stack = transport.images(LineScan(scene))
     result = measure_by(measure, stack, scene.nominal())
     measured = time.perf_counter()
     comparison, predicted = compare(result, scene), predict_error(result, stack)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
-    separated = error_parts(result, scene, measure, transport.options, device) if parts else ()
+    first = device if device is None or isinstance(device, Device) else device[0]
+    separated = error_parts(result, scene, measure, transport.options, first) if parts else ()
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
     return Run(transport, stack, result, comparison, separated, report)
 

@@ -11,6 +11,7 @@ import numpy as np
 from irtscots_cl.calibration import calibrate
 from irtscots_cl.device import Device
 from irtscots_cl.packing import receivers
+from irtscots_cl.presets import parse_scene
 from irtscots_cl.probes import BLOCK, PathProbe, uniform_centred
 from irtscots_cl.samplers import DIMENSIONS
 from irtscots_cl.scene import Scene
@@ -42,6 +43,11 @@ def rounding_slope_urad(scene: Scene, device: Device, precision: str) -> float:
     distance = np.linalg.norm(calibration.screen_frame.position_mm - points[compared], axis=1)
     error = float(np.sqrt(np.mean((apart / (2 * distance)) ** 2)) * 1e6)
     return error if np.isfinite(error) else np.inf
+
+
+def check_precision_on(device: Device, scene_toml: str, precision: str, source: str) -> None:
+    """check_precision_of_scene of a scene as TOML text, for places that are called with plain values (crew.Site)."""
+    check_precision_of_scene(parse_scene(scene_toml), device, precision, source)
 
 
 def check_precision_of_scene(scene: Scene, device: Device, precision: str, source: str) -> None:

@@ -51,6 +51,11 @@ def load_scene(name_or_path: str | os.PathLike[str]) -> Scene:
     return Scene.from_dict(_parse(data, source), source)
 
 
+def parse_scene(text: str, source: str = "scene") -> Scene:
+    """The scene of TOML text; raises SceneError, in which `source` stands for where it came from."""
+    return Scene.from_dict(_parse(text.encode("utf-8"), source), source)
+
+
 def _is_path(text: str) -> bool:
     separators = [os.sep, *([os.altsep] if os.altsep else [])]
     return text.lower().endswith(".toml") or any(separator in text for separator in separators)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from functools import partial
 
 import numpy as np
@@ -12,7 +14,9 @@ from irtscots_cl.aiming import emitters
 from irtscots_cl.analytic import trace_analytic
 from irtscots_cl.calibration import Calibration, calibrate, check_visible
 from irtscots_cl.checkpoint import Keeper, KeptTrace, hash_of, trace_facts
-from irtscots_cl.device import Device, select_device
+from irtscots_cl.cluster import site_of
+from irtscots_cl.crew import Site
+from irtscots_cl.device import Device
 from irtscots_cl.execution import LocalMemory, Workspace
 from irtscots_cl.interface import WEIGHT_ONE, Fate
 from irtscots_cl.launches import FIRST_LAUNCH_RAYS, MAX_RAYS_PER_ITEM, Pace, launch_structure, share_rays
@@ -20,6 +24,7 @@ from irtscots_cl.nonsequential import trace_paths
 from irtscots_cl.options import ANALYTIC, MAX_SMOOTHED_RAYS, NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import cosine4, line_receivers, pack, receivers
 from irtscots_cl.paths import PathLight
+from irtscots_cl.presets import parse_scene
 from irtscots_cl.program import check_precision, compose
 from irtscots_cl.runner import run_rays
 from irtscots_cl.scene import Scene
@@ -35,7 +40,8 @@ TILE_BYTES_PER_RAY = 4  # with more, clearing and merging a tile costs more than
 def trace(
     scene: Scene,
     *,
-    device: Device | None = None,
+    device: Device | Sequence[Device] | None = None,
+    client=None,
     estimator: str = "adjoint",
     sampler: str = "philox",
     precision: str = "fp32",
@@ -54,7 +60,9 @@ def trace(
 
     The analytic estimator takes no rays and no device, so none of the other arguments, and gives light curves alone.
 
-    device: as select_device gives it; None selects one. replicates: independent parts of the rays, for error bars.
+    device: as select_device gives it, or several, as select_devices does: they share the rays, and results are the same
+    bits as those of one if they are equal. None selects. client: a dask.distributed.Client, whose workers trace instead
+    (cluster.py). replicates: independent parts of the rays, for error bars.
     estimator, sampler, precision, seed, aim, overfill, smoothing: see TraceOptions. progress(done, total) is called
     after each launch with ray numbers. launch_rays: rays per launch, instead of timing; no result depends on it. Same
     seed and device, same bits. keeper: saves the sums now and then, and goes on from what it has; an interrupted trace
@@ -68,7 +76,7 @@ def trace(
     if estimator == NONSEQUENTIAL:
         return trace_paths(scene, device=device, sampler=sampler, precision=precision, rays_per_pixel=rays_per_pixel,
                            replicates=replicates, seed=seed, overfill=overfill, progress=progress,
-                           keeper=keeper, finished=finished)  # fmt: skip
+                           client=client, keeper=keeper, finished=finished)  # fmt: skip
     check_sequential(scene, estimator)
     if estimator == ANALYTIC:
         return trace_analytic(scene)
@@ -77,25 +85,24 @@ def trace(
         raise ValueError(
             f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 for each replicate"
         )
-    device = device if device is not None else select_device()
-    kept = None if keeper is None else keeper.file_of(trace_facts(scene, options, rays, device))
-    return _trace_rays(scene, device, options, rays, progress, launch_rays, kept, finished)
+    check_visible(calibrate(scene), f"scene {scene.name}")
+    site = site_of(device, client)
+    kept = None if keeper is None else keeper.file_of(trace_facts(scene, options, rays, site.about()))
+    return _trace_rays(scene, site, options, rays, progress, launch_rays, kept, finished)
 
 
 def _trace_rays(
-    scene: Scene, device: Device, options: TraceOptions, rays: np.ndarray, progress, launch_rays, kept, finished
+    scene: Scene, site: Site, options: TraceOptions, rays: np.ndarray, progress, launch_rays, kept, finished
 ) -> Transport | LineLight:
     """The forward or the adjoint estimator, with windows as wide as it takes."""
-    started = time.perf_counter()
-    calibration = calibrate(scene)
-    check_visible(calibration, f"scene {scene.name}")
     margin = 1 if kept is None else kept.margin()
     while True:
-        tracer = Tracer(calibration, device, options, margin, rays=int(rays.max()))
-        built = time.perf_counter()
-        seconds = {"build": built - started, "trace": 0.0, "kernels": 0.0}
-        so_far = None if finished is None else partial(_pass_on, finished, tracer, rays, seconds)
-        counts, fates = tracer.run(rays, progress, launch_rays, kept, so_far)
+        started = time.perf_counter()
+        work = TraceWork(scene, options, margin, int(rays.max()))
+        prepared = time.perf_counter() - started
+        so_far = None if finished is None else partial(_pass_on, finished, work, site, rays)
+        ran = site.run(work, rays, progress, launch_rays, kept, so_far)
+        counts, fates = work.totals(ran.sums, rays)
         if fates[Fate.OFF_WINDOW] == 0:
             break
         if kept is not None:
@@ -103,16 +110,17 @@ def _trace_rays(
         margin *= 2  # light fell beside a window: wider ones, from the start
         if margin > MAX_MARGIN:
             raise RuntimeError(f"{fates[Fate.OFF_WINDOW]} rays land where no chief ray says that light can come")
-    before = {"trace": 0.0, "kernels": 0.0} if kept is None else kept.seconds
-    seconds["trace"] = time.perf_counter() - built + before["trace"]
-    seconds["kernels"] = tracer.kernel_seconds + before["kernels"]
-    return tracer.result(counts, fates, rays, seconds)
+    before = {"build": prepared} | ({} if kept is None else kept.seconds)
+    seconds = {name: ran.seconds[name] + before.get(name, 0.0) for name in ran.seconds}
+    return work.result(counts, fates, rays, ran.device, seconds)
 
 
-def _pass_on(finished, tracer: Tracer, rays: np.ndarray, seconds: dict, counts: np.ndarray, fates: np.ndarray) -> None:
+def _pass_on(finished, work: TraceWork, site: Site, rays: np.ndarray, sums: tuple[np.ndarray, ...]) -> None:
     """Give `finished` the trace so far, unless it is one that begins again."""
+    rays = rays[: len(sums[0])]
+    counts, fates = work.totals(sums, rays)
     if fates[Fate.OFF_WINDOW] == 0:
-        finished(tracer.result(counts, fates, rays[: len(counts)], seconds))
+        finished(work.result(counts, fates, rays, site.describe(), {"build": 0.0, "trace": 0.0, "kernels": 0.0}))
 
 
 def check_sequential(scene: Scene, estimator: str) -> None:
@@ -129,59 +137,52 @@ def check_sequential(scene: Scene, estimator: str) -> None:
     raise ValueError(f"scene {scene.name}: {what}: {must}")
 
 
-class Tracer:
-    """One estimator's kernel and buffers for one scene on one device, built and warm.
+class TraceWork:
+    """The rays of a forward or adjoint trace and what they fill, known without a device: a crew.Work.
 
-    margin: screen pixels that the windows are wider than the chief rays say. rays: that a stream is about to get, which
-    decides how they are best added up. width: rays side by side in a work-item,
-    None: the device's. accumulate: member of the accumulate_* kernel files, None: the device's. streams: sources of
-    rays (screen or detector pixels). unit_w: flux [W] of one count in a run of one ray per stream, broadcasting to
-    [n, window rows, window columns]. source: what was built. kernel_seconds: spent in kernels by `run` so far.
-
-    A runner.Job. Raises DeviceError if the device cannot build or hold it.
+    margin, rays, streams, unit_w: as of Tracer. sources: the kernel's emitters or receivers.
     """
 
-    def __init__(
-        self,
-        calibration: Calibration,
-        device: Device,
-        options: TraceOptions,
-        margin: int = 1,
-        rays: int = MAX_RAYS_PER_ITEM,
-        width: int | None = None,
-        accumulate: str | None = None,
-    ):
-        check_precision(device, options.precision)
-        check_sequential(calibration.scene, options.estimator)
-        self.options, self.scene, self.windows = options, calibration.scene, place_windows(calibration, margin)
-        self._detector_pixels = int(np.prod(calibration.shape))
-        packed = pack(calibration, options.precision)
-        sources, self.unit_w = self._sources(calibration)
-        rows, columns = self.windows.rows, self.windows.columns
-        self._bins = (columns + 2 + rows + 2,) if options.smoothing else (rows, columns)  # of a slot
-        self.streams, self.pace = len(sources), Pace()
+    def __init__(self, scene: Scene, options: TraceOptions, margin: int = 1, rays: int = MAX_RAYS_PER_ITEM):
+        check_sequential(scene, options.estimator)
+        calibration = calibrate(scene)
+        self.scene, self.options, self.margin, self.rays = scene, options, margin, rays
         self.max_rays_per_item, self.first_launch_rays = MAX_RAYS_PER_ITEM, FIRST_LAUNCH_RAYS
-        tile = LocalMemory(self._tile_bytes())
-        if accumulate is None:
-            fits = tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes, rays * TILE_BYTES_PER_RAY)
-            accumulate = "tile" if device.kind == "cpu" and fits else "atomic"
-        choices = packed.choices | {"sampler": options.sampler, "accumulate": accumulate}
-        width = width or device.vector_width(options.precision)
-        entry = "trace_lines" if options.smoothing else f"trace_{options.estimator}"
-        self.source = compose(f"{entry}.cl", choices, packed.structs, options.precision, width, packed.constants)
-        self._workspace = work = Workspace(device, self.source, entry)
-        self._counts = work.empty(8 * len(self.windows.pixels) * int(np.prod(self._bins)))
-        self._ledger = work.empty(8 * len(Fate))
-        lookup = [work.upload(array) for array in self._lookup()]
-        self._before = [work.upload(packed.scene)]
-        tile = tile if accumulate == "tile" else LocalMemory(8)
-        self.facts = {
-            "margin": margin,
-            "code": hash_of(self.source.text.encode(), *(option.encode() for option in self.source.options)),
-            "inputs": hash_of(packed.scene, sources, *self._lookup()),
-        }
-        self._after = [work.upload(sources), *lookup, self._counts, self._ledger, tile]
-        self.launch(0, (0, 1, 0, 0))  # no rays: some drivers compile at the first launch
+        self.windows = place_windows(calibration, margin)
+        self.sources, self.unit_w = self._sources(calibration)
+        rows, columns = self.windows.rows, self.windows.columns
+        self.bins = (columns + 2 + rows + 2,) if options.smoothing else (rows, columns)  # of a slot
+        self.streams = len(self.sources)
+        self.sums_shapes = ((len(self.windows.pixels), *self.bins), (len(Fate),))
+
+    def build(self, device: Device) -> Tracer:
+        return Tracer(calibrate(self.scene), device, self.options, self.margin, self.rays, work=self)
+
+    def wire(self) -> str:
+        return json.dumps({"scene": self.scene.to_toml(), "options": asdict(self.options), "margin": self.margin,
+                           "rays": self.rays})  # fmt: skip
+
+    @classmethod
+    def from_wire(cls, text: str) -> TraceWork:
+        data = json.loads(text)
+        return cls(parse_scene(data["scene"]), TraceOptions(**data["options"]), data["margin"], data["rays"])
+
+    def totals(self, sums: tuple[np.ndarray, ...], rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Counts, and the fates of all replicates together, of a run of rays [replicates]."""
+        counts, fates = sums[0], sums[1].sum(0)
+        if self.options.estimator == "adjoint":  # its windows hold weights, so the kernel counts only the others
+            fates[Fate.DETECTED] = int(rays.sum()) * self.streams - int(fates.sum())
+        return counts, fates
+
+    def result(
+        self, counts: np.ndarray, fates: np.ndarray, rays: np.ndarray, device: dict, seconds: dict[str, float]
+    ) -> Transport | LineLight:
+        """The trace of rays [replicates] per stream from its totals. device: facts of where it ran."""
+        ledger = ledger_from(fates, int(rays.sum()) * self.streams)
+        if self.options.smoothing:
+            flux = line_flux(counts, self.windows, self.unit_w[:, 0], rays)
+            return LineLight(self.scene, self.options, device, self.windows, flux, rays, ledger, seconds)
+        return Transport(self.scene, self.options, device, self.windows, counts, self.unit_w, rays, ledger, seconds)
 
     def _sources(self, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
         """The kernel's emitters or receivers, and unit_w."""
@@ -199,6 +200,60 @@ class Tracer:
         made = line_receivers if self.options.smoothing else receivers
         return made(calibration, pixels, origins, self.options.precision), unit[:, None, None]
 
+
+class Tracer:
+    """One estimator's kernel and buffers for one scene on one device, built and warm.
+
+    margin: screen pixels that the windows are wider than the chief rays say. rays: that a stream is about to get, which
+    decides how they are best added up. width: rays side by side in a work-item, None: the device's. accumulate: member
+    of the accumulate_* kernel files, None: the device's. work: of the same, where there is one. streams: sources of
+    rays (screen or detector pixels). unit_w: flux [W] of one count in a run of one ray per stream, broadcasting to
+    [n, window rows, window columns]. source: what was built. kernel_seconds: spent in kernels by `run` so far.
+
+    A runner.Job. Raises DeviceError if the device cannot build or hold it.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        device: Device,
+        options: TraceOptions,
+        margin: int = 1,
+        rays: int = MAX_RAYS_PER_ITEM,
+        width: int | None = None,
+        accumulate: str | None = None,
+        work: TraceWork | None = None,
+    ):
+        check_precision(device, options.precision)
+        self._work = work or TraceWork(calibration.scene, options, margin, rays)
+        self.options, self.scene, self.windows = options, calibration.scene, self._work.windows
+        self._detector_pixels = int(np.prod(calibration.shape))
+        packed = pack(calibration, options.precision)
+        self.unit_w, self._bins, self.streams = self._work.unit_w, self._work.bins, self._work.streams
+        self.pace = Pace()
+        self.max_rays_per_item, self.first_launch_rays = self._work.max_rays_per_item, self._work.first_launch_rays
+        tile = LocalMemory(self._tile_bytes())
+        if accumulate is None:
+            fits = tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes, rays * TILE_BYTES_PER_RAY)
+            accumulate = "tile" if device.kind == "cpu" and fits else "atomic"
+        choices = packed.choices | {"sampler": options.sampler, "accumulate": accumulate}
+        width = width or device.vector_width(options.precision)
+        entry = "trace_lines" if options.smoothing else f"trace_{options.estimator}"
+        self.source = compose(f"{entry}.cl", choices, packed.structs, options.precision, width, packed.constants)
+        self._workspace = work = Workspace(device, self.source, entry)
+        self._counts = work.empty(8 * int(np.prod(self._work.sums_shapes[0])))
+        self._ledger = work.empty(8 * len(Fate))
+        lookup = [work.upload(array) for array in self._lookup()]
+        self._before = [work.upload(packed.scene)]
+        tile = tile if accumulate == "tile" else LocalMemory(8)
+        self.facts = {
+            "margin": margin,
+            "code": hash_of(self.source.text.encode(), *(option.encode() for option in self.source.options)),
+            "inputs": hash_of(packed.scene, self._work.sources, *self._lookup()),
+        }
+        self._after = [work.upload(self._work.sources), *lookup, self._counts, self._ledger, tile]
+        self.launch(0, (0, 1, 0, 0))  # no rays: some drivers compile at the first launch
+
     def _tile_bytes(self) -> int:
         """Local memory of a work-item that accumulates in a tile of its own."""
         if self.options.estimator == "forward":
@@ -214,41 +269,13 @@ class Tracer:
         return [slots, self.windows.origins]
 
     def run(
-        self,
-        rays: np.ndarray,
-        progress=None,
-        launch_rays: int | None = None,
-        kept: KeptTrace | None = None,
-        finished: Callable[[np.ndarray, np.ndarray], None] | None = None,
+        self, rays: np.ndarray, progress=None, launch_rays: int | None = None, kept: KeptTrace | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Trace rays [replicates] rays per stream: counts [replicates, n, window rows, window columns], rays [Fate].
 
-        With smoothing, counts are second differences (see kernels/trace_lines.cl). finished(counts, rays by fate): of
-        the replicates so far. The rest as in runner.run_rays.
+        With smoothing, counts are second differences (see kernels/trace_lines.cl).
         """
-
-        def so_far(sums: tuple[np.ndarray, ...]) -> None:
-            finished(*self._totals(sums, rays[: len(sums[0])]))
-
-        sums = run_rays(self, rays, progress, launch_rays, kept, None if finished is None else so_far)
-        return self._totals(sums, rays)
-
-    def _totals(self, sums: tuple[np.ndarray, ...], rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Counts, and the fates of all replicates together."""
-        counts, fates = sums[0], sums[1].sum(0)
-        if self.options.estimator == "adjoint":  # its windows hold weights, so the kernel counts only the others
-            fates[Fate.DETECTED] = int(rays.sum()) * self.streams - int(fates.sum())
-        return counts, fates
-
-    def result(
-        self, counts: np.ndarray, fates: np.ndarray, rays: np.ndarray, seconds: dict[str, float]
-    ) -> Transport | LineLight:
-        """The trace of rays [replicates] per stream, from what `run` gives of them."""
-        ledger, facts = ledger_from(fates, int(rays.sum()) * self.streams), self._workspace.device.describe()
-        if self.options.smoothing:
-            flux = line_flux(counts, self.windows, self.unit_w[:, 0], rays)
-            return LineLight(self.scene, self.options, facts, self.windows, flux, rays, ledger, seconds)
-        return Transport(self.scene, self.options, facts, self.windows, counts, self.unit_w, rays, ledger, seconds)
+        return self._work.totals(run_rays(self, rays, progress, launch_rays, kept), rays)
 
     def clear(self) -> None:
         for buffer in (self._counts, self._ledger):

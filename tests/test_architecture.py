@@ -15,8 +15,9 @@ MATHEMATICS = ("geometry", "zernikes", "zonal", "integration")
 DESCRIPTION = ("checked", "scatter", "element", "scene", "presets", "surface", "calibration", "pixelmap", "cells",
                "pixellight")  # fmt: skip
 DEVICE = ("interface", "device", "program", "selftest", "execution")
-TRACING = ("windows", "samplers", "options", "launches", "checkpoint", "runner", "aiming", "packing", "transport",
-           "analytic", "parts", "reach", "partpacking", "sequence", "paths", "nonsequential", "tracer", "probes",
+TRACING = ("windows", "samplers", "options", "launches", "checkpoint", "runner", "crew", "tasks", "cluster", "aiming",
+           "packing", "transport", "analytic", "parts", "reach", "partpacking", "sequence", "paths", "pathsums",
+           "nonsequential", "tracer", "probes",
            "precision")  # fmt: skip
 IMAGING = ("images", "patterns", "detector")
 MEASURING = ("lightcurves", "centroids", "profiles", "phase", "slopes", "reconstruction", "refinement", "measures",

@@ -150,8 +150,9 @@ def half_mirrors(count, reflectance=0.5):
     for k in range(2 * count):
         place = at + (10 + 4 * (2 * count - k)) * z
         front, back = (1.0, 1.5) if k % 2 == 0 else (1.5, 1.0)
-        faces.append(Element(f"face.{k}", "refractor", tuple(place.tolist()), tuple((place + z).tolist()), diameter_mm=60.0,
-                             index_front=front, index_back=back, reflectance=reflectance))  # fmt: skip
+        at_mm, facing_mm = (tuple(point.tolist()) for point in (place, place + z))
+        faces.append(Element(f"face.{k}", "refractor", at_mm, facing_mm, diameter_mm=60.0, index_front=front,
+                             index_back=back, reflectance=reflectance))  # fmt: skip
     return replace(scene, element=tuple(faces))
 
 

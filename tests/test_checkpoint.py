@@ -20,6 +20,7 @@ from counting_job import PER_ITEM, RAYS, STREAMS, CountingJob, same
 
 from irtscots_cl import checkpoint
 from irtscots_cl.checkpoint import DIGEST_BYTES, FORMAT, Interrupted, Keeper, hash_of, new_path, trace_facts
+from irtscots_cl.crew import Devices
 from irtscots_cl.launches import Place
 from irtscots_cl.options import TraceOptions
 from irtscots_cl.presets import load_scene
@@ -113,12 +114,12 @@ def test_no_files_of_processes_that_were_killed_pile_up(tmp_path):
 
 
 def test_facts_of_a_trace_tell_all_that_it_depends_on(device):
-    scene, rays = load_scene("sphere"), np.array([10, 9])
-    facts = trace_facts(scene, TraceOptions(), rays, device)
+    scene, rays, about = load_scene("sphere"), np.array([10, 9]), Devices([device]).about()
+    facts = trace_facts(scene, TraceOptions(), rays, about)
     assert {"estimator", "sampler", "precision", "seed", "aim", "overfill", "smoothing"} < set(facts)
     assert (facts["rays_per_pixel"], facts["replicates"], facts["device"]) == (19, 2, device.name)
     assert facts["driver"] == device.driver and "version" in facts
-    assert facts["scene"] != trace_facts(load_scene("off-axis"), TraceOptions(), rays, device)["scene"]
+    assert facts["scene"] != trace_facts(load_scene("off-axis"), TraceOptions(), rays, about)["scene"]
     assert len(json.dumps(facts)) < checkpoint.MAX_HEADER_BYTES / 4
 
 

@@ -10,7 +10,15 @@ import pytest
 from faults import driver_error
 
 import irtscots_cl.device as module
-from irtscots_cl.device import ENVIRONMENT, Device, DeviceError, all_devices, driver_errors, select_device
+from irtscots_cl.device import (
+    ENVIRONMENT,
+    Device,
+    DeviceError,
+    all_devices,
+    driver_errors,
+    select_device,
+    select_devices,
+)
 
 
 def fake(index, name, platform, kind, units, available=True, endian_little=True):
@@ -84,6 +92,41 @@ def test_the_environment_chooses_where_the_caller_does_not(found, monkeypatch):
         select_device(None)
     monkeypatch.setenv(ENVIRONMENT, "")
     assert select_device(None).index == "1:1"  # set but empty is not set
+
+
+@pytest.mark.parametrize(
+    ("choice", "indices"),
+    [
+        ("all", ["0:0", "1:0", "1:1", "2:0"]),
+        (" All ", ["0:0", "1:0", "1:1", "2:0"]),
+        (None, ["1:1"]),
+        ("small", ["1:0"]),
+        ("1:0,1:1", ["1:0", "1:1"]),
+        ("cpu, big ,1:1", ["0:0", "1:1"]),
+    ],
+)
+def test_many_devices_may_be_chosen_each_once(found, choice, indices):
+    assert [device.index for device in select_devices(choice)] == indices
+
+
+def test_all_is_refused_where_one_is_wanted_and_so_is_a_list_with_an_unknown_one(found, monkeypatch):
+    with pytest.raises(DeviceError, match="^--device = 'all': must name one device here$"):
+        select_device("all")
+    with pytest.raises(DeviceError, match="^--device = 'nothing': no such usable device"):
+        select_devices("cpu,nothing")
+    monkeypatch.setenv(ENVIRONMENT, "all")
+    assert len(select_devices()) == 4 and len(select_devices("cpu")) == 1
+    with pytest.raises(DeviceError, match=f"^{ENVIRONMENT} = 'all': must name one device here$"):
+        select_device()
+
+
+def test_many_devices_are_described_together():
+    one = {"index": "0:0", "name": "A", "platform": "P", "driver": "1", "kind": "cpu", "compute_units": 2}
+    assert module.describe_together([one]) == one
+    other = one | {"index": "1:0", "name": "B", "kind": "gpu", "compute_units": 30}
+    together = module.describe_together([one, one, other])
+    assert together["name"] == "2 x A + B" and together["kind"] == "cpu + gpu" and together["platform"] == "P"
+    assert together["compute_units"] == 34 and together["devices"] == [one, one, other]
 
 
 def test_no_device_at_all_says_what_to_install(monkeypatch):

@@ -478,7 +478,7 @@ def test_rays_are_given_up_at_the_bounce_limit(device):
     for limit in (1, 2, 3):
         tracer = PathTracer(scene, device, options, limit, 0.1)
         _, sums = tracer.run(np.array([512]), Kept((), ()))
-        ends.append(tracer.ends(sums, 512 * tracer.streams))
+        ends.append(tracer.work.ends(sums, 512 * tracer.streams))
     one, two, three = ends
     assert (one["detected"], two["detected"]) == (0, 0)
     assert three["detected"] > 0 and three["bounce limit"] == 0

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
 from irtscots_cl.presets import load_scene
 from irtscots_cl.scene import Scene
@@ -13,6 +15,11 @@ from irtscots_cl.scene import Scene
 DEVICE_HELP = (
     "part of a device's name, its index such as 0:0, cpu or gpu; "
     "default: environment variable IRTSCOTS_DEVICE, or the best found"
+)
+DEVICES_HELP = f"all (all devices of this machine at once), several with commas between, or one: {DEVICE_HELP}"
+DASK_HELP = (
+    "address of a Dask scheduler, such as tcp://host:8786, whose workers trace instead, each on the device that its "
+    "IRTSCOTS_DEVICE names (needs irtscots-cl[dask])"
 )
 EXIT_BAD_INPUT = 2
 EXIT_NO_DEVICE = 3
@@ -58,7 +65,7 @@ def choices(options: argparse.Namespace, names: Iterable[str]) -> dict[str, obje
     return {name: value for name, value in given.items() if value is not None}
 
 
-def add_trace_choices(parser: argparse.ArgumentParser) -> None:
+def add_trace_choices(parser: argparse.ArgumentParser, device_help: str = DEVICE_HELP) -> None:
     parser.add_argument(
         "--estimator",
         metavar="E",
@@ -81,7 +88,23 @@ def add_trace_choices(parser: argparse.ArgumentParser) -> None:
         default=None,
         help="adjoint: a ray brings the light of its whole chord through the aperture, for less noise",
     )
-    parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
+    parser.add_argument("--device", metavar="D", help=device_help)
+
+
+@contextmanager
+def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
+    """device= or client= of `trace`, as --device and --dask say."""
+    from irtscots_cl.cluster import Cluster, connect
+    from irtscots_cl.device import select_devices
+
+    if options.dask is None:
+        yield {"device": select_devices(options.device)}
+        return
+    if options.device is not None:
+        raise ValueError("--device: must be left out with --dask: IRTSCOTS_DEVICE of each worker names its device")
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what the user can act on is said by us, in one line
+    with connect(options.dask) as client:
+        yield {"client": Cluster(client)}
 
 
 def add_measure(parser: argparse.ArgumentParser) -> None:

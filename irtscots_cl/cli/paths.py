@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 
 from irtscots_cl.cli.common import (
-    DEVICE_HELP,
+    DASK_HELP,
+    DEVICES_HELP,
     add_scene,
     command,
     print_json,
     print_tables,
+    site_arguments,
     visible_scene,
 )
 from irtscots_cl.cli.progress import Progress, add_quiet
@@ -54,21 +56,21 @@ def add(commands) -> None:
         help="at an interface: roulette (a ray goes one way, by chance) or both (it parts, as long as the weaker part "
         "weighs a thousandth of a ray); default roulette",
     )
-    parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
+    parser.add_argument("--device", metavar="D", help=DEVICES_HELP)
+    parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
     add_quiet(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:
     scene = visible_scene(options.scene)
-    from irtscots_cl.device import select_device
     from irtscots_cl.nonsequential import trace_paths
     from irtscots_cl.report import path_facts, path_tables
     from irtscots_cl.straylight import stray_light
 
-    with Progress(quiet=options.quiet) as progress:
+    with site_arguments(options) as where, Progress(quiet=options.quiet) as progress:
         light = trace_paths(
             scene,
-            device=select_device(options.device),
+            **where,
             sampler=options.sampler,
             precision=options.precision,
             rays_per_pixel=options.rays_per_pixel,

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 import math
+from contextlib import nullcontext
 from pathlib import Path
 
 from irtscots_cl.cli.common import (
+    DASK_HELP,
     DEFAULTS,
+    DEVICES_HELP,
     add_measure,
     add_scene,
     add_trace_choices,
@@ -15,6 +18,7 @@ from irtscots_cl.cli.common import (
     command,
     print_json,
     print_tables,
+    site_arguments,
     visible_scene,
 )
 from irtscots_cl.cli.keeping import add_resume, keeping
@@ -34,7 +38,8 @@ def add(commands) -> None:
     )
     add_scene(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME")
-    add_trace_choices(parser)
+    add_trace_choices(parser, DEVICES_HELP)
+    parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
     add_measure(parser)
     parser.add_argument(
         "--rays-per-pixel",
@@ -132,6 +137,10 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
                 raise ValueError(f"--{name}: must be left out with --target-nm, which chooses the rays anew each time")
         for name in choices(options, RAYS):
             raise ValueError(f"--{name.replace('_', '-')}: --target-nm chooses it; must not be given too")
+        if options.device is not None and (options.device.strip().lower() == "all" or "," in options.device):
+            raise ValueError(f"--target-nm: must be left out with --device = {options.device!r}: it wants one device")
+        if options.dask is not None:
+            raise ValueError("--dask: must be left out with --target-nm, whose pilot runs are timed on one device")
         from irtscots_cl.targets import check_target
 
         check_target(options.target_nm, wanted["estimator"])
@@ -153,18 +162,19 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
 
 def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
     """Run as the options say."""
-    from irtscots_cl.device import select_device
     from irtscots_cl.options import ANALYTIC
     from irtscots_cl.pipeline import outlook, simulate
-    from irtscots_cl.precision import check_precision_of_scene
+    from irtscots_cl.precision import check_precision_of_scene, check_precision_on
 
-    wanted, device = DEFAULTS | RAYS | given, None
-    if wanted["estimator"] != ANALYTIC:
-        device = select_device(options.device)
-        check_precision_of_scene(scene, device, wanted["precision"], options.scene)
-    with Progress(quiet=options.quiet, estimate=lambda traced: outlook(traced, wanted["measure"])) as progress:
-        return simulate(scene, device=device, progress=progress, finished=progress.finished, seed=options.seed,
-                        parts=options.parts, keeper=keeper, **wanted)  # fmt: skip
+    wanted = DEFAULTS | RAYS | given
+    with nullcontext({}) if wanted["estimator"] == ANALYTIC else site_arguments(options) as where:
+        for device in where.get("device", ()):
+            check_precision_of_scene(scene, device, wanted["precision"], options.scene)
+        if "client" in where:
+            where["client"].call(check_precision_on, scene.to_toml(), wanted["precision"], options.scene)
+        with Progress(quiet=options.quiet, estimate=lambda traced: outlook(traced, wanted["measure"])) as progress:
+            return simulate(scene, progress=progress, finished=progress.finished, seed=options.seed,
+                            parts=options.parts, keeper=keeper, **where, **wanted)  # fmt: skip
 
 
 def _reach(scene, options: argparse.Namespace, given: dict):
