@@ -162,6 +162,8 @@ def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
     if wanted["estimator"] != ANALYTIC:
         device = select_device(options.device)
         check_precision_of_scene(scene, device, wanted["precision"], options.scene)
+    elif keeper.files():
+        raise ValueError(f"{keeper.path}: of a run that traces rays; must be deleted first")
     with Progress(quiet=options.quiet, estimate=lambda traced: outlook(traced, wanted["measure"])) as progress:
         return simulate(scene, device=device, progress=progress, finished=progress.finished, seed=options.seed,
                         parts=options.parts, keeper=keeper, **wanted)  # fmt: skip
