@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -106,7 +107,7 @@ def _trace_rays(
     before = {"trace": 0.0, "kernels": 0.0} if kept is None else kept.seconds
     seconds["trace"] = time.perf_counter() - built + before["trace"]
     seconds["kernels"] = tracer.kernel_seconds + before["kernels"]
-    return tracer.result(counts, fates, rays, seconds)
+    return replace(tracer.result(counts, fates, rays, seconds), scene=scene)  # the caller's own, not an equal one
 
 
 def _pass_on(finished, tracer: Tracer, rays: np.ndarray, seconds: dict, counts: np.ndarray, fates: np.ndarray) -> None:
