@@ -1,9 +1,10 @@
-// Both branches of a ray at an interface are followed, as long as the weaker one weighs enough; then one, by chance.
+// Both branches of a ray at an interface are followed, as long as the weaker one weighs enough and not too many rays wait
+// already; then one, by chance.
 #include "roulette.cl"
 
 INLINE void branch(__constant Element *element, Interaction *at, realv reflectance, vec3v refracted) {
     const realv weaker = reflectance < (realv)(0.5) ? reflectance : 1 - reflectance;
-    const maskv both = weaker * at->arriving > element->least_weight;
+    const maskv both = (weaker * at->arriving > element->least_weight) & to_mask(at->room > 0);
     roulette(element, at, reflectance, refracted);
     at->parts = both ? reflectance : (realv)(0);
     at->weight = both ? 1 - reflectance : at->weight;

@@ -37,6 +37,7 @@ INLINE void count_weight_of(const Trace *trace, int place, real weight) {
     trace->own[PATH_ABSORBED + trace->job->element_count + place] += (ulong)((float)weight * STAYING_ONE + 0.5f);
 }
 INLINE void count_weight(const Trace *trace, int place, maskv stays, realv weight) {
+    if (!any_lane(stays)) return;
     if (any_lane(stays & (weight > STAYING_MOST))) {
         for (ulong lanes = mask_word(stays); lanes != 0; lanes &= lanes - 1)
             count_weight_of(trace, place, ((const real *)&weight)[lowest_lane(lanes)]);
@@ -117,7 +118,7 @@ INLINE void interaction_end(__constant Element *element, Rays *rays, int v, int 
                                const Interaction *at, realv left) {                                          \
         const maskv ended = meets & at->ends;                                                                \
         count_rays(trace, PATH_ABSORBED + number, lanes_in(ended));                                          \
-        count_weight(trace, number, meets, at->arriving * at->absorbed * (staying));                         \
+        count_weight(trace, number, meets & (at->absorbed > 0), at->arriving * at->absorbed * (staying));    \
         return ended;                                                                                        \
     }
 FINISH(mirror, 1)

@@ -3,12 +3,12 @@
 
 // point, normal (unit, towards the front), along: of a ray where it meets the element; goes: its direction afterwards.
 // arriving: its weight before; weight: what that is multiplied by; absorbed: the share of it that stays there. parts:
-// weight of a second ray, mirrored, that parts from it here. event: what happens. ends: it goes no further. draw: a
-// random word.
+// weight of a second ray, mirrored, that parts from it here; room: whether rays may part, 0 where too many wait. event:
+// what happens. ends: it goes no further. draw: a random word.
 typedef struct {
     vec3v point, normal, along, goes;
     realv arriving, weight, absorbed, parts;
-    intv event;
+    intv event, room;
     maskv ends;
     uintv draw;
 } Interaction;

@@ -8,8 +8,11 @@ INLINE void spawn_begin(Spawned *spawned) {
     spawned->lost = 0;
 }
 
+// Whether rays may part that could be followed by chance instead: half of the list is kept for those that scatter.
+INLINE int spawn_room(const Spawned *spawned) { return spawned->waiting <= SPAWN_BLOCKS * BLOCK / 2; }
+
 // Adds a copy of ray `from`, one event later, and returns the list and the place where it stands, for the caller to
-// change; in a full list it takes the place of another, which is lost and counted: the host makes it an error.
+// change; in a full list it takes the place of another, which is lost and counted.
 INLINE Rays *spawn_copy(Spawned *spawned, const Rays *rays, int from, int *place) {
     if (spawned->waiting == SPAWN_BLOCKS * BLOCK) {
         ++spawned->lost;

@@ -32,13 +32,14 @@ INLINE void emit(const Trace *trace, const Emitter *emitter, const Words *words,
     }
 }
 
-INLINE Interaction interaction_begin(const Rays *rays, int v, const LocalRay *ray, int number) {
+INLINE Interaction interaction_begin(const Trace *trace, const Rays *rays, int v, const LocalRay *ray, int number) {
     Interaction at;
     at.along = at.goes = ray->along;
     at.arriving = rays->weight[v];
     at.weight = (realv)(1);
     at.absorbed = at.parts = (realv)(0);
     at.event = (intv)(EVENT_NOMINAL);
+    at.room = (intv)(spawn_room(trace->spawned));
     at.ends = to_mask(at.event != at.event);
     at.draw = path_word(rays->key[v], rays->path_low[v], rays->path_high[v], number);
     return at;
@@ -60,11 +61,11 @@ typedef struct { realv step[BLOCK_VECTORS]; intv which[BLOCK_VECTORS]; } Nearest
 #define INTERACT(shape, kind, model, number)                                                                 \
     {                                                                                                        \
         const maskv meets = to_mask(which == (number));                                                      \
-        if (any_lane(meets)) {                                                                               \
+        if ((may >> number & 1u) && any_lane(meets)) {                                                       \
             __constant Element *element = &trace->elements[number];                                          \
             const Offset offset = group_offset(element, rays->group[v]);                                     \
             const LocalRay ray = element_ray(element, rays, v, &offset);                                     \
-            Interaction at = interaction_begin(rays, v, &ray, number);                                       \
+            Interaction at = interaction_begin(trace, rays, v, &ray, number);                                \
             at.point = shape##_point(trace->scene, element, &ray, step);                                     \
             at.normal = shape##_normal(trace->scene, element, at.point);                                     \
             interact_##kind(element, &at);                                                                   \
@@ -90,7 +91,7 @@ INLINE void find_nearest(const Trace *trace, const Rays *rays, int count, uint m
 }
 
 // The rays of vector v through their elements. Returns those that go on, as mask_word gives them; others are counted.
-INLINE ulong step_rays(const Trace *trace, Rays *rays, int v, realv step, intv which) {
+INLINE ulong step_rays(const Trace *trace, Rays *rays, int v, uint may, realv step, intv which) {
     intv after = which;
     ELEMENTS(INTERACT)
     rays->bounces[v] = rays->bounces[v] + 1;
@@ -110,10 +111,10 @@ INLINE void trace_rays(const Trace *trace, Rays *rays, int count) {
     int step = 0;
     while ((count = spawn_take(trace->spawned, rays, count)) > 0) {
         int left = 0;
-        find_nearest(trace, rays, count, step < known ? trace->job->may[step] : ~0u, &nearest);
-        ++step;
+        const uint may = step < known ? trace->job->may[step++] : ~0u;
+        find_nearest(trace, rays, count, may, &nearest);
         for (int v = 0; v * WIDTH < count; ++v) {
-            const ulong alive = step_rays(trace, rays, v, nearest.step[v], nearest.which[v]);
+            const ulong alive = step_rays(trace, rays, v, may, nearest.step[v], nearest.which[v]);
             if (alive == ALL_LANES && left == v * WIDTH) left += WIDTH;   // they are where they belong
             else   // in ascending order: none is overwritten before it was copied
                 for (int part = 0; part < LANE_PARTS; ++part)

@@ -113,6 +113,7 @@ INTERACT = """    Interaction at;
     at.weight = at.arriving = (realv)(1);
     at.absorbed = at.parts = (realv)(0);
     at.event = (intv)(EVENT_NOMINAL);
+    at.room = (intv)(1);
     at.ends = to_mask(at.event != at.event);
     CALL
     const intv ends = to_int(at.ends) != 0 ? (intv)(1) : (intv)(0);
@@ -592,14 +593,16 @@ def test_both_branches_share_the_light(device, tmp_path, precision, kind):
 
 
 @pytest.mark.parametrize("reflectance", [0.1, 0.9])
-@pytest.mark.parametrize(("arriving", "both"), [(0.0101, True), (0.0099, False)])
-def test_a_branch_that_weighs_too_little_is_left_to_chance(device, tmp_path, precision, reflectance, arriving, both):
+@pytest.mark.parametrize(("arriving", "room", "both"), [(0.0101, 1, True), (0.0099, 1, False), (1.0, 0, False)])
+def test_a_branch_without_weight_or_room_is_left_to_chance(
+    device, tmp_path, precision, reflectance, arriving, room, both
+):
     """0.1 of a ray is the weaker share: at a hundredth of a ray it comes to the limit, 1e-3."""
     bench = Bench(device, tmp_path, precision, "both")
     words = (np.arange(COUNT) * (2**32 // COUNT) + 2**31 // COUNT).astype(np.uint32)
     element = element_of(bench, index_front=1.0, index_back=1.5, reflectance=reflectance, least_weight=1e-3)
     along = np.tile([[0.6, 0.0, -0.8]], (COUNT, 1))
-    call = f"at.arriving = (realv)((real){arriving}); interact_refractor(elements, &at);"
+    call = f"at.arriving = (realv)((real){arriving}); at.room = (intv)({room}); interact_refractor(elements, &at);"
     found = bench.interact("refractor", element, along, words=words, call=call)
     if both:
         np.testing.assert_allclose(found.parts, reflectance, rtol=bench.epsilon)
