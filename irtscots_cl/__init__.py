@@ -33,6 +33,8 @@ from typing import Any
 # wrong argument on the command line need not wait for NumPy, OpenCL and Matplotlib.
 _PUBLIC = {
     "DeviceError": "device",
+    "Interrupted": "checkpoint",
+    "Keeper": "checkpoint",
     "LineLight": "transport",
     "LineScan": "patterns",
     "Scene": "scene",

@@ -53,13 +53,13 @@ class Keeper:
 
     def __init__(
         self,
-        path: Path,
+        path: Path | str,
         resume: bool = False,
         many: bool = False,
         max_seconds: float = math.inf,
         warn: Callable[[str], None] = warnings.warn,
     ):
-        self.path, self.resume, self.many, self.max_seconds = path, resume, many, max_seconds
+        self.path, self.resume, self.many, self.max_seconds = Path(path), resume, many, max_seconds
         self.warn, self.warned, self.stop, self.tracing, self.end_time = warn, False, False, False, math.inf
 
     def file_of(self, facts: Facts) -> KeptTrace:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 
 import numpy as np
@@ -112,7 +112,7 @@ def _trace_rays(
             raise RuntimeError(f"{fates[Fate.OFF_WINDOW]} rays land where no chief ray says that light can come")
     before = {"build": prepared} | ({} if kept is None else kept.seconds)
     seconds = {name: ran.seconds[name] + before.get(name, 0.0) for name in ran.seconds}
-    return work.result(counts, fates, rays, ran.device, seconds)
+    return replace(work.result(counts, fates, rays, ran.device, seconds), scene=scene)  # the caller's own, not an equal
 
 
 def _pass_on(finished, work: TraceWork, site: Site, rays: np.ndarray, sums: tuple[np.ndarray, ...]) -> None:

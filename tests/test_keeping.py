@@ -162,6 +162,7 @@ def test_an_interrupted_run_is_neither_written_over_nor_mixed_up(irtscots, after
     ):
         refused(irtscots(*again, *RUN, *options, "--resume"), "cut/checkpoint: of another run: ", words)
     Path("other.toml").write_text(small_scene("sphere", 21).to_toml())
+    refused(irtscots(*again, "--estimator", "analytic", "--resume"), "cut/checkpoint: of a run that traces rays")
     refused(irtscots("run", "./other.toml", *RUN, "--out", "cut", "--resume"), "of another run: other scene")
     assert Path("cut/checkpoint").read_bytes() == kept
     Path("cut/checkpoint").write_bytes(kept[:-1])

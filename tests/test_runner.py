@@ -10,11 +10,12 @@ import pytest
 from counting_job import PER_ITEM, RAYS, STREAMS, CountingJob, same
 from synthetic import small_scene
 
+import irtscots_cl as irt
 from irtscots_cl import checkpoint
 from irtscots_cl.checkpoint import Interrupted, Keeper
 from irtscots_cl.launches import Place, plan_launches
-from irtscots_cl.nonsequential import trace_paths
-from irtscots_cl.presets import load_scene
+from irtscots_cl.nonsequential import Kept, PathTracer, trace_paths
+from irtscots_cl.options import TraceOptions
 from irtscots_cl.runner import run_rays
 from irtscots_cl.tracer import trace
 
@@ -218,7 +219,37 @@ def test_the_wider_windows_of_a_trace_are_gone_on_with(device, tmp_path, monkeyp
     assert bits(trace(SCENE, **options, keeper=Keeper(tmp_path / "new", resume=True))) == expected
 
 
-def test_found_paths_do_not_depend_on_the_order_of_their_rays(device):
+def test_the_readmes_way_to_keep_a_trace(device, tmp_path):
+    options = {"device": device, "rays_per_pixel": 2**12, "launch_rays": 2**16}
+    with pytest.raises(irt.Interrupted):
+        irt.trace(SCENE, **options, keeper=irt.Keeper(str(tmp_path / "kept"), resume=True, max_seconds=1e-6))
+    again = irt.trace(SCENE, **options, keeper=irt.Keeper(str(tmp_path / "kept"), resume=True))
+    assert bits(again) == bits(irt.trace(SCENE, **options))
+
+
+def test_found_paths_do_not_depend_on_the_order_of_their_rays(device, monkeypatch):
     """Or a trace could not be gone on with: its sums are of the paths that the pilot keeps apart."""
-    runs = [trace_paths(load_scene("ghosts"), device=device, rays_per_pixel=8, replicates=2) for _ in range(2)]
-    assert bits(runs[0]) == bits(runs[1])
+    tiny = 2.0**-53  # 1 + tiny is 1, and tiny + tiny + 1 is more: then the second path is the more powerful one
+    tracer, kept = PathTracer(SCENE, device, TraceOptions("nonsequential")), []
+    for weights in ((1, tiny, tiny), (tiny, 1, tiny), (tiny, tiny, 1)):
+        rows = np.zeros((4, 3), np.uint32)
+        rows[:, 0] = (1, 2, 2, 2)
+        rows[:, 2] = np.array((1, *weights), np.float32).view(np.uint32)
+
+        def download(buffer, out, rows=rows):
+            out[0], out[1:13] = len(rows), rows.ravel()
+            return out
+
+        monkeypatch.setattr(tracer._workspace, "download", download)
+        kept.append(tracer.find())
+    assert kept == [Kept((2, 1), (1.0, 1.0))] * 3
+
+
+def test_other_paths_are_no_part_of_a_kept_trace(device, tmp_path, monkeypatch):
+    options = {"device": device, "rays_per_pixel": 64, "replicates": 2}
+    keeper = Keeper(tmp_path / "kept")
+    with pytest.raises(Interrupted):
+        trace_paths(GHOSTS, **options, keeper=keeper, progress=lambda *_: setattr(keeper, "stop", True))
+    monkeypatch.setattr("irtscots_cl.nonsequential.PILOT_RAYS", 2**14)
+    with pytest.raises(ValueError, match="of another run: other paths"):
+        trace_paths(GHOSTS, **options, keeper=Keeper(tmp_path / "kept", resume=True))

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from irtscots_cl.cli.common import StoppedError
@@ -49,7 +49,7 @@ def keeping(folder: Path, name: str, resume: bool, *, many: bool = False, max_se
         raise StoppedError(f"{why}; go on with --resume, from {keeper.path}") from None
     finally:
         for part in made:
-            if not any(part.iterdir()):
+            with suppress(OSError):  # not empty
                 part.rmdir()
 
 

@@ -167,6 +167,8 @@ def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
     from irtscots_cl.precision import check_precision_of_scene, check_precision_on
 
     wanted = DEFAULTS | RAYS | given
+    if wanted["estimator"] == ANALYTIC and keeper.files():
+        raise ValueError(f"{keeper.path}: of a run that traces rays; must be deleted first")
     with nullcontext({}) if wanted["estimator"] == ANALYTIC else site_arguments(options) as where:
         for device in where.get("device", ()):
             check_precision_of_scene(scene, device, wanted["precision"], options.scene)
