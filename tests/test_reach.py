@@ -63,6 +63,15 @@ def before_the_screen(along_mm=-10.0):
     return replace(scene, element=(plate,))
 
 
+def cut():
+    """A plate through the screen, turned against it by 20 degrees: half of the rays start before it."""
+    scene = load_scene("sphere")
+    frame, way = Frame.looking(scene.screen.position_mm, scene.screen.look_at_mm), np.radians(20.0)
+    facing = frame.position_mm - np.cos(way) * frame.axes[2] + np.sin(way) * frame.axes[0]
+    plate = Element("plate", "absorber", scene.screen.position_mm, tuple(facing.tolist()), size_mm=(6.0, 6.0))
+    return replace(scene, element=(plate,))
+
+
 def scattering():
     scene = load_scene("sphere")
     return replace(scene, mirror=replace(scene.mirror, scatter=Lambertian(0.3)))
@@ -74,6 +83,7 @@ OTHERS = {
     "front": camera_in_front,
     "plate": before_the_screen,
     "behind": lambda: before_the_screen(10.0),
+    "cut": cut,
     "scatter": scattering,
 }
 
@@ -106,6 +116,7 @@ def test_what_may_be_met_is_not_ruled_out():
     assert masks(scattering()) == ({"mirror"}, everything)  # scattered light goes anywhere
     assert "stop" in masks(camera_in_front())[0]
     assert "stop" in masks(tilted())[0]
+    assert masks(cut())[0] == {"mirror", "plate"}
     assert masks(before_the_screen())[0] == {"mirror", "plate"}
     assert masks(before_the_screen(10.0)) == ({"mirror"}, everything - {"mirror"} | {"plate"})
     assert masks(load_scene("sphere-window"))[0] == {"mirror", "window.front", "window.back"}
