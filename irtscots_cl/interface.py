@@ -176,7 +176,7 @@ def element_dtype(real, groups: int) -> np.dtype:
     return np.dtype(fields, align=True)
 
 
-TIS_NODES = 33
+TIS_NODES = 129
 
 
 def scatter_structs(real, groups: int, elements: int, targets: int) -> dict[str, np.dtype]:
