@@ -158,6 +158,7 @@ class Tracer:
         self._before = [work.upload(packed.scene)]
         tile = tile if accumulate == "tile" else LocalMemory(8)
         self._after = [work.upload(sources), *lookup, self._counts, self._ledger, tile]
+        work.clear(self._ledger)
         self._launch(0, 0, 1, 0, 0)  # no rays: some drivers compile at the first launch
 
     def _sources(self, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
@@ -223,6 +224,7 @@ class Tracer:
         of_stream = max(rays // self.streams, MIN_TIMED_RAYS)
         streams = max(1, min(self.streams, rays // of_stream))
         self._pace.kernel_seconds = 0.0
+        self._workspace.clear(self._counts)
         self._launch(0, (self.streams - streams) // 2, streams, 0, of_stream)
         return of_stream * streams / self.kernel_seconds
 
