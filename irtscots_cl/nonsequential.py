@@ -14,6 +14,7 @@ from irtscots_cl.device import Device, select_device
 from irtscots_cl.execution import Workspace
 from irtscots_cl.interface import PATH, PRECISIONS, element_dtype, path_job_dtype
 from irtscots_cl.launches import Pace, launch_structure, plan_launches, share_rays
+from irtscots_cl.memory import check_memory
 from irtscots_cl.options import NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import pack
 from irtscots_cl.parts import Part, check_media, groups_of, on_screen, parts_of
@@ -164,6 +165,8 @@ class PathTracer:
     def run(self, rays: np.ndarray, kept: Kept, progress=None) -> tuple[np.ndarray, np.ndarray]:
         """Images [replicates, kinds, lines, pixels] and sums [replicates, ends + elements + 2 paths]: whole numbers."""
         work, table = self._workspace, self._workspace.upload(kept.table())
+        size = 2 * 8 * len(rays) * int(np.prod(self._image_shape))  # as whole numbers and in watts
+        check_memory(f"scene {self.scene.name}: images of {len(rays)} replicates", size)
         images = np.empty((len(rays), *self._image_shape), np.uint64)
         sums = np.empty((len(rays), *self._sums_shape), np.uint64)
         done, total = 0, int(rays.sum()) * self.streams

@@ -14,6 +14,7 @@ from irtscots_cl.device import Device, select_device
 from irtscots_cl.execution import LocalMemory, Workspace
 from irtscots_cl.interface import WEIGHT_ONE, Fate
 from irtscots_cl.launches import MAX_RAYS_PER_ITEM, Pace, launch_structure, plan_launches, share_rays
+from irtscots_cl.memory import check_memory
 from irtscots_cl.nonsequential import trace_paths
 from irtscots_cl.options import ANALYTIC, MAX_SMOOTHED_RAYS, NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import cosine4, line_receivers, pack, receivers
@@ -80,7 +81,7 @@ def _trace_rays(scene: Scene, device: Device, options: TraceOptions, rays: np.nd
     check_visible(calibration, f"scene {scene.name}")
     margin = 1
     while True:
-        tracer = Tracer(calibration, device, options, margin, rays=int(rays.max()))
+        tracer = Tracer(calibration, device, options, margin, rays=int(rays.max()), replicates=len(rays))
         built = time.perf_counter()
         counts, fates = tracer.run(rays, progress, launch_rays)
         if fates[Fate.OFF_WINDOW] == 0:
@@ -117,11 +118,12 @@ class Tracer:
 
     margin: screen pixels that the windows are wider than the chief rays say. rays: that a stream is about to get, which
     decides how they are best added up. width: rays side by side in a work-item,
-    None: the device's. accumulate: member of the accumulate_* kernel files, None: the device's. streams: sources of
+    None: the device's. accumulate: member of the accumulate_* kernel files, None: the device's. replicates: that `run`
+    is to keep; their memory is checked before anything is made. streams: sources of
     rays (screen or detector pixels). unit_w: flux [W] of one count in a run of one ray per stream, broadcasting to
     [n, window rows, window columns]. source: what was built. kernel_seconds: spent in kernels by `run` so far.
 
-    Raises DeviceError if the device cannot build or hold it.
+    Raises DeviceError if the device cannot build or hold it, ValueError if the memory cannot.
     """
 
     def __init__(
@@ -133,15 +135,17 @@ class Tracer:
         rays: int = MAX_RAYS_PER_ITEM,
         width: int | None = None,
         accumulate: str | None = None,
+        replicates: int = 1,
     ):
         check_precision(device, options.precision)
         check_sequential(calibration.scene, options.estimator)
         self.options, self.scene, self.windows = options, calibration.scene, place_windows(calibration, margin)
         self._detector_pixels = int(np.prod(calibration.shape))
-        packed = pack(calibration, options.precision)
-        sources, self.unit_w = self._sources(calibration)
         rows, columns = self.windows.rows, self.windows.columns
         self._bins = (columns + 2 + rows + 2,) if options.smoothing else (rows, columns)  # of a slot
+        self._check_memory(1 + replicates)
+        packed = pack(calibration, options.precision)
+        sources, self.unit_w = self._sources(calibration)
         self.streams, self._pace = len(sources), Pace()
         tile = LocalMemory(self._tile_bytes())
         if accumulate is None:
@@ -152,7 +156,7 @@ class Tracer:
         entry = "trace_lines" if options.smoothing else f"trace_{options.estimator}"
         self.source = compose(f"{entry}.cl", choices, packed.structs, options.precision, width, packed.constants)
         self._workspace = work = Workspace(device, self.source, entry)
-        self._counts = work.empty(8 * len(self.windows.pixels) * int(np.prod(self._bins)))
+        self._counts = work.empty(self._counts_bytes())
         self._ledger = work.empty(8 * len(Fate))
         lookup = [work.upload(array) for array in self._lookup()]
         self._before = [work.upload(packed.scene)]
@@ -160,6 +164,14 @@ class Tracer:
         self._after = [work.upload(sources), *lookup, self._counts, self._ledger, tile]
         work.clear(self._ledger)
         self._launch(0, 0, 1, 0, 0)  # no rays: some drivers compile at the first launch
+
+    def _counts_bytes(self) -> int:
+        return 8 * len(self.windows.pixels) * int(np.prod(self._bins))
+
+    def _check_memory(self, copies: int) -> None:
+        """Refuse, with a ValueError, windows that do not fit the memory so often: on the device, and of replicates."""
+        windows = f"{len(self.windows.pixels)} windows of {self.windows.columns} x {self.windows.rows} screen pixels"
+        check_memory(f"scene {self.scene.name}: {windows}", copies * self._counts_bytes())
 
     def _sources(self, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
         """The kernel's emitters or receivers, and unit_w."""

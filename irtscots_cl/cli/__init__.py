@@ -33,6 +33,8 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     except (SceneError, ValueError, OSError) as error:
         return fail(error, EXIT_BAD_INPUT)
+    except MemoryError as error:
+        return fail(f"out of memory: {str(error) or 'no more to be had'}", EXIT_BAD_INPUT)
     except KeyboardInterrupt:
         return fail("interrupted; nothing was written", EXIT_INTERRUPTED)
     except RuntimeError as error:
