@@ -16,6 +16,7 @@ import numpy as np
 from irtscots_cl.calibration import RIM, Calibration, calibrate
 from irtscots_cl.geometry import Frame
 from irtscots_cl.interface import PRECISIONS, emitter_dtype
+from irtscots_cl.memory import check_memory
 from irtscots_cl.scene import Scene
 
 RIM_POINTS = 32  # of the mirror, to fit its ellipse
@@ -23,6 +24,7 @@ MARGIN = 1e-4  # of the mirror's ellipse, for what is not an ellipse between the
 SLACK = 0.25  # screen pixels beyond what the chief rays say that can light a detector pixel; doubled where too little
 MAX_SLACK = 8.0
 CHECK_RAYS = 2**15  # from the camera, to check that its aim covers all that they find
+BYTES_PER_PIXEL = {"mirror": 140, "camera": 840}  # of the screen, while its aim is found; measured
 PAIRS = 2**18  # of a screen and a detector pixel, handled at a time: bounds the memory
 
 
@@ -53,9 +55,13 @@ class Aim:
 def emitters(calibration: Calibration, precision: str, overfill: float, aim: str) -> tuple[np.ndarray, np.ndarray]:
     """Forward sources [rows * columns of the screen] and the area of their aim's ellipse in direction cosines [same].
 
-    overfill: the ellipse's area over the least of the aim, which is one of options.AIMS.
+    overfill: the ellipse's area over the least of the aim, which is one of options.AIMS. Raises ValueError if the
+    screen has more pixels than the memory can hold aims of.
     """
-    chosen = (camera_aim if aim == "camera" else mirror_aim)(calibration.scene).overfilled(overfill)
+    scene = calibration.scene
+    columns, rows = scene.screen.pixels
+    check_memory(f"scene {scene.name}: screen.pixels = {[columns, rows]}", columns * rows * BYTES_PER_PIXEL[aim])
+    chosen = (camera_aim if aim == "camera" else mirror_aim)(scene).overfilled(overfill)
     out = np.zeros(len(chosen.centre), emitter_dtype(PRECISIONS[precision]))
     out["x"], out["y"] = _pixel_centres(calibration)
     out["centre_l"], out["centre_m"] = chosen.centre.T

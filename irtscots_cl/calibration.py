@@ -12,9 +12,11 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from irtscots_cl.geometry import Frame
+from irtscots_cl.memory import check_memory
 from irtscots_cl.scene import Scene, SceneError
 from irtscots_cl.surface import Surface
 
+BYTES_PER_PIXEL = 1900  # of the maps and what is in memory beside them while they are made; measured
 SUBPIXELS = 16  # per axis, in pixels that the mirror's edge crosses: footprint areas to about half a percent
 RIM = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], -1)
 
@@ -170,7 +172,12 @@ class Calibration:
 
 @lru_cache(maxsize=4)
 def calibrate(scene: Scene) -> Calibration:
-    """The calibration of a scene, shared by all who ask for the same one: its maps are computed once."""
+    """The calibration of a scene, shared by all who ask for the same one: its maps are computed once.
+
+    Raises ValueError if the detector has more pixels than the memory can hold maps of.
+    """
+    columns, rows = scene.camera.detector.pixels
+    check_memory(f"scene {scene.name}: camera.detector.pixels = {[columns, rows]}", columns * rows * BYTES_PER_PIXEL)
     return Calibration(scene)
 
 
@@ -188,6 +195,11 @@ def check_visible(calibration: Calibration, source: str) -> None:
     lowest, highest = (edge[calibration.sees_mirror] for edge in calibration.landing_range())
     size = np.array(scene.screen.pixels)
     if not np.any(np.all((highest >= -0.5) & (lowest <= size - 0.5), axis=-1)):
+        if not np.isfinite(lowest + highest).all(-1).any():
+            raise SceneError(
+                f"{source}: screen.position_mm = {list(scene.screen.position_mm)}: no ray from the detector by way of "
+                "the mirror reaches the screen's plane; must lie where the mirror sends the camera's rays"
+            )
         offset = (np.nanmean((lowest + highest) / 2, axis=0) - (size - 1) / 2) * scene.screen.pitch_mm
         raise SceneError(
             f"{source}: screen.position_mm = {list(scene.screen.position_mm)}: no detector pixel sees the "

@@ -12,9 +12,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from irtscots_cl.images import ImageStack, Scan, jackknife_error
+from irtscots_cl.images import ImageStack, Scan, check_shapes, jackknife_error
+from irtscots_cl.memory import check_memory
 from irtscots_cl.reconstruction import Reconstruction
 
+BYTES_PER_VALUE = 32  # of images while a mirror is measured from them
 MAX_IMAGE_VALUES = 2**28  # of a scan from a stranger's file: 2 GiB in float64
 
 
@@ -120,18 +122,27 @@ def read_images(path: Path) -> ImageStack:
 
 
 def _read_scan(file: h5py.File, path: Path, axis: str) -> Scan:
-    found = []
-    for name in (f"images/{axis}", f"lines/{axis}_mm"):
-        data = file.get(name)
-        if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu" or data.shape is None:
-            raise ValueError(f"{path}: /{name}: missing or not a numeric dataset; must be as `irtscots run` writes it")
-        if data.size > MAX_IMAGE_VALUES:
-            raise ValueError(f"{path}: /{name}: {data.size} values; at most {MAX_IMAGE_VALUES} are read")
-        found.append(data[()])
+    images, lines = (_dataset(file, path, name) for name in (f"images/{axis}", f"lines/{axis}_mm"))
+    check_memory(f"{path}: /images/{axis}: {images.size} values", images.size * BYTES_PER_VALUE)
     try:
-        return Scan.from_images(axis, found[1], found[0])
+        check_shapes(axis, lines.shape, images.shape)  # before anything is read
+        return Scan.from_images(axis, lines[()], images[()])
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _dataset(file: h5py.File, path: Path, name: str) -> h5py.Dataset:
+    """A dataset of numbers that lie in this very file; nothing is read yet."""
+    links = [file.get(part, getlink=True) for part in (name.split("/")[0], name)]
+    elsewhere = any(isinstance(link, h5py.ExternalLink) for link in links)
+    data = None if elsewhere else file.get(name)
+    if elsewhere or (isinstance(data, h5py.Dataset) and (data.external or data.is_virtual)):
+        raise ValueError(f"{path}: /{name}: its values are in another file; must be in this one")
+    if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu" or data.shape is None:
+        raise ValueError(f"{path}: /{name}: missing or not a numeric dataset; must be as `irtscots run` writes it")
+    if data.size > MAX_IMAGE_VALUES:
+        raise ValueError(f"{path}: /{name}: {data.size} values; at most {MAX_IMAGE_VALUES} are read")
+    return data
 
 
 def check_output_folder(folder: Path) -> None:

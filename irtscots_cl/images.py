@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+MAX_VALUE = 1e100  # of images and positions from elsewhere: squares of sums of them are finite
+
 
 @dataclass(frozen=True)
 class Scan:
@@ -83,20 +85,14 @@ class Scan:
 
         Raises ValueError for other shapes, positions that do not fit or do not grow, or values that are not finite.
         """
+        check_shapes(axis, np.shape(positions_mm), np.shape(images_w))
         images = np.asarray(images_w, float)
         images = images[None] if images.ndim == 3 else images
         positions = np.asarray(positions_mm, float)
-        if images.ndim != 4 or 0 in images.shape:
-            raise ValueError(
-                f"images of the {axis} scan have shape {np.shape(images_w)}; "
-                "must be [lines, rows, columns] or [exposures, lines, rows, columns]"
-            )
-        if positions.shape != images.shape[1:2]:
-            raise ValueError(
-                f"the {axis} scan has {images.shape[1]} images but line positions of shape {positions.shape}"
-            )
-        if not (np.isfinite(images).all() and np.isfinite(positions).all()):
-            raise ValueError(f"images or line positions of the {axis} scan hold values that are not finite")
+        for values in (images, positions):
+            if not (np.isfinite(values).all() and max(values.max(), -values.min()) <= MAX_VALUE):
+                must = f"that are not finite or beyond {MAX_VALUE:g}"
+                raise ValueError(f"images or line positions of the {axis} scan hold values {must}")
         if not (np.diff(positions) > 0).all():
             raise ValueError(f"the line positions of the {axis} scan must grow from line to line")
         count = images.shape[2] * images.shape[3]
@@ -110,6 +106,17 @@ class Scan:
             np.ones(len(images)),
             np.full(count, np.nan),
         )
+
+
+def check_shapes(axis: str, positions: tuple[int, ...], images: tuple[int, ...]) -> None:
+    """Refuse, with a ValueError, shapes that Scan.from_images cannot use."""
+    if len(images) not in (3, 4) or 0 in images:
+        raise ValueError(
+            f"images of the {axis} scan have shape {images}; "
+            "must be [lines, rows, columns] or [exposures, lines, rows, columns]"
+        )
+    if positions != images[-3:-2]:
+        raise ValueError(f"the {axis} scan has {images[-3]} images but line positions of shape {positions}")
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from irtscots_cl.device import Device
 from irtscots_cl.execution import Workspace
 from irtscots_cl.interface import PATH, PRECISIONS
 from irtscots_cl.launches import Pace, launch_structure, plan_launches, share_rays
+from irtscots_cl.memory import check_memory
 from irtscots_cl.options import BRANCHES, NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import pack
 from irtscots_cl.partpacking import pack_elements, pack_scatter, path_job
@@ -71,6 +72,8 @@ def trace_paths(
            "aimed_scatter": aimed_scatter}  # fmt: skip
     started = time.perf_counter()
     work, site = PathWork(scene, options, **how), site_of(device, client)
+    size = 2 * 8 * len(rays) * int(np.prod(work.sums_shapes[0]))  # as whole numbers and in watts
+    check_memory(f"scene {scene.name}: images of {len(rays)} replicates", size)
     work = work.keeping(Kept(*map(tuple, site.call(find_paths, work.wire()))))
     if not work.kept.codes:
         raise SceneError(

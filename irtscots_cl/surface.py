@@ -12,6 +12,8 @@ import numpy as np
 from irtscots_cl.geometry import Quadric
 from irtscots_cl.zernikes import RadialSeries, evaluate_series, index_to_nm, radial_series
 
+_BESIDE = np.errstate(over="ignore", invalid="ignore")  # far beside the mirror polynomials overflow: no light is there
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -48,6 +50,7 @@ class Surface:
         radius = np.hypot(x_mm, y_mm)
         return (radius <= self.aperture_radius_mm + margin_mm) & (radius >= self.obscuration_radius_mm - margin_mm)
 
+    @_BESIDE
     def deviation_at(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Deviation from the design [mm] and its slopes dz/dx, dz/dy at points of any one shape."""
         if self.deviation is None:
@@ -67,6 +70,7 @@ class Surface:
         _, slope_x, slope_y = self.deviation_at(x_mm, y_mm)
         return design[0] + slope_x, design[1] + slope_y
 
+    @_BESIDE
     def meet(self, points_mm, directions, newton_steps: int = 2) -> tuple[np.ndarray, np.ndarray]:
         """Follow rays from world points [..., 3] along directions [..., 3] to the surface.
 

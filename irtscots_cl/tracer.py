@@ -20,6 +20,7 @@ from irtscots_cl.device import Device
 from irtscots_cl.execution import LocalMemory, Workspace
 from irtscots_cl.interface import WEIGHT_ONE, Fate
 from irtscots_cl.launches import FIRST_LAUNCH_RAYS, MAX_RAYS_PER_ITEM, Pace, launch_structure, share_rays
+from irtscots_cl.memory import check_memory
 from irtscots_cl.nonsequential import trace_paths
 from irtscots_cl.options import ANALYTIC, MAX_SMOOTHED_RAYS, NONSEQUENTIAL, TraceOptions
 from irtscots_cl.packing import cosine4, line_receivers, pack, receivers
@@ -98,7 +99,7 @@ def _trace_rays(
     margin = 1 if kept is None else kept.margin()
     while True:
         started = time.perf_counter()
-        work = TraceWork(scene, options, margin, int(rays.max()))
+        work = TraceWork(scene, options, margin, int(rays.max()), len(rays))
         prepared = time.perf_counter() - started
         so_far = None if finished is None else partial(_pass_on, finished, work, site, rays)
         ran = site.run(work, rays, progress, launch_rays, kept, so_far)
@@ -140,18 +141,23 @@ def check_sequential(scene: Scene, estimator: str) -> None:
 class TraceWork:
     """The rays of a forward or adjoint trace and what they fill, known without a device: a crew.Work.
 
-    margin, rays, streams, unit_w: as of Tracer. sources: the kernel's emitters or receivers.
+    margin, rays, streams, unit_w: as of Tracer. sources: the kernel's emitters or receivers. replicates: to be kept;
+    ValueError where the memory cannot hold them.
     """
 
-    def __init__(self, scene: Scene, options: TraceOptions, margin: int = 1, rays: int = MAX_RAYS_PER_ITEM):
+    def __init__(
+        self, scene: Scene, options: TraceOptions, margin: int = 1, rays: int = MAX_RAYS_PER_ITEM, replicates: int = 1
+    ):
         check_sequential(scene, options.estimator)
         calibration = calibrate(scene)
         self.scene, self.options, self.margin, self.rays = scene, options, margin, rays
         self.max_rays_per_item, self.first_launch_rays = MAX_RAYS_PER_ITEM, FIRST_LAUNCH_RAYS
-        self.windows = place_windows(calibration, margin)
-        self.sources, self.unit_w = self._sources(calibration)
-        rows, columns = self.windows.rows, self.windows.columns
+        self.windows = windows = place_windows(calibration, margin)
+        rows, columns, slots = windows.rows, windows.columns, len(windows.pixels)
         self.bins = (columns + 2 + rows + 2,) if options.smoothing else (rows, columns)  # of a slot
+        size = 8 * slots * int(np.prod(self.bins))  # on the device, and of every replicate
+        check_memory(f"scene {scene.name}: {slots} windows of {columns} x {rows} screen pixels", (1 + replicates) * size)
+        self.sources, self.unit_w = self._sources(calibration)
         self.streams = len(self.sources)
         self.sums_shapes = ((len(self.windows.pixels), *self.bins), (len(Fate),))
 
@@ -252,6 +258,7 @@ class Tracer:
             "inputs": hash_of(packed.scene, self._work.sources, *self._lookup()),
         }
         self._after = [work.upload(self._work.sources), *lookup, self._counts, self._ledger, tile]
+        self.clear()
         self.launch(0, (0, 1, 0, 0))  # no rays: some drivers compile at the first launch
 
     def _tile_bytes(self) -> int:
@@ -295,6 +302,7 @@ class Tracer:
         of_stream = max(rays // self.streams, MIN_TIMED_RAYS)
         streams = max(1, min(self.streams, rays // of_stream))
         self.pace.kernel_seconds = 0.0
+        self.clear()
         self.launch(0, ((self.streams - streams) // 2, streams, 0, of_stream))
         return of_stream * streams / self.kernel_seconds
 

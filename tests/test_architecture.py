@@ -12,8 +12,8 @@ PACKAGE = ROOT / "irtscots_cl"
 
 # Every module of the package, in order: each may import only modules before it.
 MATHEMATICS = ("geometry", "zernikes", "zonal", "integration")
-DESCRIPTION = ("checked", "scatter", "element", "scene", "presets", "surface", "calibration", "pixelmap", "cells",
-               "pixellight")  # fmt: skip
+DESCRIPTION = ("memory", "checked", "scatter", "element", "scene", "presets", "surface", "calibration", "pixelmap",
+               "cells", "pixellight")  # fmt: skip
 DEVICE = ("interface", "device", "program", "selftest", "execution")
 TRACING = ("windows", "samplers", "options", "launches", "checkpoint", "runner", "crew", "tasks", "cluster", "aiming",
            "packing", "transport", "analytic", "parts", "reach", "partpacking", "sequence", "paths", "pathsums",
@@ -30,7 +30,7 @@ MAY_IMPORT_PYOPENCL = {"device", "program", "selftest", "execution"}
 WITHOUT_NUMPY = {"__init__", "checked", "element", "scene", "presets", "cli", "__main__"}  # so that they start fast
 ONLY_FROM = {
     "surface": {"geometry", "zernikes"},
-    "calibration": {"scene", "surface", "geometry"},
+    "calibration": {"scene", "surface", "geometry", "memory"},
     "presets": {"checked", "scene"},
     "scene": {"checked", "element", "scatter"},
     "element": {"checked"},
@@ -177,6 +177,38 @@ def test_package_imports_no_tests_and_reads_nothing_outside():
         assert not third_party(imports(path)) & {"tests", "oracle", "conftest", "pytest", "hypothesis"}, path.name
         strings = (n.value for n in ast.walk(tree_of(path)) if isinstance(n, ast.Constant) and isinstance(n.value, str))
         assert not [text for text in strings if outside.search(text)], path.name
+
+
+RUNS_CODE = {"eval", "exec", "compile", "__import__"}
+LOADS_CODE = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml", "ctypes"}
+IMPORTS_BY_NAME = {"__init__", "studies"}  # from tables of their own
+STARTS_PROGRAMS = {"bench"}  # git, to name the version that was measured
+
+
+def code_runners(tree: ast.AST) -> set[str]:
+    """What in a file could run what a file holds."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            name = ast.unparse(node.func)
+            found |= {name} & (RUNS_CODE | {"os.system", "os.popen", "np.load", "numpy.load", "np.fromfile"})
+            found |= {f"{k.arg}=" for k in node.keywords if k.arg in ("allow_pickle", "shell")}
+    return found
+
+
+def test_what_could_run_code_is_found():
+    source = "eval(x)\nnp.load(f, allow_pickle=True)\nos.system(c)\nre.compile(p)\n"
+    assert code_runners(ast.parse(source)) == {"eval", "np.load", "allow_pickle=", "os.system"}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_nothing_that_is_read_is_run(path):
+    assert code_runners(tree_of(path)) == set()
+    names = third_party(imports(path))
+    assert not names & LOADS_CODE
+    assert "subprocess" not in names or module_of(path) in STARTS_PROGRAMS
+    by_name = {name for name in imports(path) if name == "importlib"} and "import_module" in path.read_text("utf-8")
+    assert not by_name or module_of(path) in IMPORTS_BY_NAME
 
 
 def test_oracle_does_not_import_the_package():

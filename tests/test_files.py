@@ -225,6 +225,19 @@ def _with(images=None, lines=(0.0, 0.2, 0.4)):
     return write
 
 
+ELSEWHERE = "its values are in another file; must be in this one"
+
+
+def _virtual(file):
+    layout = h5py.VirtualLayout((3, 2, 2), "f8")
+    layout[:] = h5py.VirtualSource("other.h5", "x", (3, 2, 2))
+    file.create_virtual_dataset("images/x", layout)
+
+
+def _raw(file):
+    file.create_dataset("images/x", (3, 2, 2), "f8", external=[("other.raw", 0, h5py.h5f.UNLIMITED)])
+
+
 def _linked(link):
     def write(file):
         file["images/x"] = link
@@ -254,6 +267,14 @@ def _linked(link):
         (_with(images=np.zeros((3, 2, 2), [("a", "f8")])), "/images/x: missing or not a numeric dataset"),
         (_linked(h5py.SoftLink("/nowhere")), "/images/x: missing or not a numeric dataset"),
         (_linked(h5py.SoftLink("/images/x")), "not a readable HDF5 file: "),
+        (_linked(h5py.ExternalLink("other.h5", "/x")), f"/images/x: {ELSEWHERE}"),
+        (lambda file: file.update({"images": h5py.ExternalLink("other.h5", "/")}), f"/images/x: {ELSEWHERE}"),
+        (_virtual, f"/images/x: {ELSEWHERE}"),
+        (_raw, f"/images/x: {ELSEWHERE}"),
+        (
+            _with(images=np.full((3, 2, 2), 1e101)),
+            "images or line positions of the x scan hold values that are not finite or beyond 1e+100",
+        ),
         (
             _with(images=np.ones((3, 2))),
             "images of the x scan have shape (3, 2); must be [lines, rows, columns]",

@@ -1,5 +1,6 @@
-# Sourced by tools/run, tools/test and .ci/run: makes .venv and installs the package into it where needed.
-# Sets root, the repository's folder, and venv_python. Messages go to stderr.
+# Sourced by the commands in tools/: makes .venv and installs the package into it where needed.
+# Sets root, the repository's folder, venv and venv_python; who wants another folder than .venv sets the latter two anew.
+# Messages go to stderr.
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 venv=$root/.venv
@@ -53,4 +54,34 @@ ensure_installed() {
         fail "pip could not install the package; its messages are above and in ${venv##*/}/install.log"
     fi
     echo "$wanted" >"$venv/.installed-${extra:-run}"
+}
+
+# Says why this machine cannot do it.
+refuse() {
+    echo "$(basename "$0"): $1" >&2
+    exit 3
+}
+
+need_linux_x86_64() {
+    [ "$(uname -s) $(uname -m)" = "Linux x86_64" ] ||
+        refuse "$1 exists for Linux on x86_64 only, this is $(uname -s) on $(uname -m)"
+}
+
+# Installs packages with an OpenCL driver beside the package, unless that was done, and runs a kernel on its device.
+ensure_driver() {
+    local device=$1 wanted log=$venv/driver.log
+    shift
+    wanted="$root $*"
+    if [ "$wanted" = "$(cat "$venv/.installed-driver" 2>/dev/null)" ]; then
+        return
+    fi
+    echo "installing $* into ${venv##*/}" >&2
+    "$venv_python" -m pip install --quiet --no-input --disable-pip-version-check "$@" </dev/null >"$log" 2>&1 ||
+        refuse "pip cannot install $*: $(grep -m 1 '^ERROR' "$log" || tail -n 1 "$log")"
+    "$venv_python" -c '
+import sys
+from irtscots_cl.device import select_device
+from irtscots_cl.selftest import probe
+probe(select_device(sys.argv[1]))' "$device" >>"$log" 2>&1 || refuse "$1 does not run on this machine: $(tail -n 1 "$log")"
+    echo "$wanted" >"$venv/.installed-driver"
 }
