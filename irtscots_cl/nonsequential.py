@@ -56,9 +56,9 @@ def trace_paths(
 
     bounce_limit: events after which a ray is given up (and counted). least_chance: with which a ray is reflected or
     refracted at an interface however small that share of its light is; its weight makes up for it. branches: "roulette"
-    follows one of them, "both" both, as long as the weaker one weighs a thousandth of a ray. aimed_scatter: scattered
-    rays are also aimed at the camera (parts.targets_of); without, only what finds it by chance counts. The rest as in
-    tracer.trace. Raises as that does.
+    follows one of them, "both" both, as long as the weaker one weighs a thousandth of a ray and not too many rays wait
+    to be followed. aimed_scatter: scattered rays are also aimed at the camera (parts.targets_of); without, only what
+    finds it by chance counts. The rest as in tracer.trace. Raises as that does.
     """
     options = TraceOptions(NONSEQUENTIAL, sampler, precision, seed, overfill=overfill)
     if not 1 <= bounce_limit <= MAX_EVENTS:

@@ -67,7 +67,7 @@ def cut():
     """A plate through the screen, turned against it by 20 degrees: half of the rays start before it."""
     scene = load_scene("sphere")
     frame, way = Frame.looking(scene.screen.position_mm, scene.screen.look_at_mm), np.radians(20.0)
-    facing = frame.position_mm - np.cos(way) * frame.axes[2] + np.sin(way) * frame.axes[0]
+    facing = frame.position_mm - np.cos(way) * frame.axes[2] - np.sin(way) * frame.axes[0]
     plate = Element("plate", "absorber", scene.screen.position_mm, tuple(facing.tolist()), size_mm=(6.0, 6.0))
     return replace(scene, element=(plate,))
 
