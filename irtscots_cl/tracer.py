@@ -156,7 +156,8 @@ class TraceWork:
         rows, columns, slots = windows.rows, windows.columns, len(windows.pixels)
         self.bins = (columns + 2 + rows + 2,) if options.smoothing else (rows, columns)  # of a slot
         size = 8 * slots * int(np.prod(self.bins))  # on the device, and of every replicate
-        check_memory(f"scene {scene.name}: {slots} windows of {columns} x {rows} screen pixels", (1 + replicates) * size)
+        what = f"scene {scene.name}: {slots} windows of {columns} x {rows} screen pixels"
+        check_memory(what, (1 + replicates) * size)
         self.sources, self.unit_w = self._sources(calibration)
         self.streams = len(self.sources)
         self.sums_shapes = ((len(self.windows.pixels), *self.bins), (len(Fate),))
