@@ -104,6 +104,18 @@ def test_a_device_whose_sums_are_lost_is_left_out_and_its_rays_traced_again(devi
     assert "devices" not in crew.describe()  # one is left
 
 
+def test_what_was_taken_from_a_device_that_then_fails_is_not_traced_again(device):
+    """As between two saves of a checkpoint, within a replicate."""
+    jobs = [Counted(), Counted()]
+    crew = crew_of(device, jobs)
+    crew.clear()
+    crew.launch(0, (0, 7, 0, 20))
+    crew.sums()
+    jobs[1].fails_in_sums = True
+    crew.launch(0, (0, 7, 20, 12))
+    np.testing.assert_array_equal(crew.sums()[0], expected(7, [32])[0])
+
+
 def test_all_devices_failing_is_the_last_one_s_error(device):
     crew = crew_of(device, [Counted(fails_at=2), Counted(fails_at=1)])
     with pytest.raises(DeviceError, match=r"^device \d: broken$"):
