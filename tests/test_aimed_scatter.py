@@ -62,6 +62,7 @@ def assert_same(one, other, share):
     assert limit < share * one.flux_w
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "name", "rays"),
     [
@@ -75,6 +76,7 @@ def test_aimed_rays_bring_the_light_of_all_directions(device, scene, name, rays)
     assert_same(*(path_of(light, name) for light in lights), 0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "element"), [(wall_scatters, "mirror"), (important_plate, "plate")])
 def test_light_that_is_aimed_at_other_elements_is_that_of_all_directions(device, scene, element):
     """What an element absorbs: the mirror reflects 0.5, the plate nothing."""

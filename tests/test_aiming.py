@@ -71,6 +71,7 @@ def test_the_camera_sees_little_of_the_mirror_lit_by_one_pixel(name, most):
     assert whole.share == 1.0
 
 
+@pytest.mark.slow
 def test_an_aperture_that_takes_all_light_is_aimed_at_with_the_whole_mirror():
     scene = load_scene("sphere")
     wide = replace(scene, camera=replace(scene.camera, aperture_diameter_mm=8.0))

@@ -68,6 +68,7 @@ def test_a_case_is_traced_at_its_width(device, short):
         assert timings[1].median < timings[0].median
 
 
+@pytest.mark.slow
 def test_results_hold_every_case_and_what_they_were_taken_on(device, short):
     results = suite.run_bench(device, quick=True)
     cases = throughput.default_cases(device, quick=True)

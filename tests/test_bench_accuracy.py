@@ -33,6 +33,7 @@ def test_every_estimator_and_sampler_is_swept_over_four_decades(device):
     assert len({s.name for s in series}) == len(series)
 
 
+@pytest.mark.slow
 def test_points_tell_error_noise_and_time(results):
     assert {p["kind"] for p in results["points"]} == {"analytic", "forward", "adjoint", "smoothed"}
     for point in results["points"]:

@@ -81,6 +81,7 @@ def test_a_plate_and_its_ghosts(device):
     assert passed_w / bare_w == pytest.approx(plate_mean(lambda r: (1 - r) / (1 + r)), rel=1e-3, abs=0)
 
 
+@pytest.mark.slow
 def test_both_branches_bring_the_light_that_chance_brings(device):
     first, second = singlet(device, "both", 5), singlet(device, "roulette", 6)
     for name in (SINGLET, SINGLET_GHOST):
@@ -150,7 +151,7 @@ def test_rays_that_part_at_the_limit_are_given_up_there(device):
     scene = coarse(load_scene("sphere-window"))
     tracer = PathTracer(scene, device, TraceOptions(NONSEQUENTIAL, seed=7), bounce_limit=1, branches="both")
     _, sums = tracer.run(np.array([256]), Kept((), ()))
-    ends = tracer.ends(sums, 256 * tracer.streams)
+    ends = tracer.work.ends(sums, 256 * tracer.streams)
     assert ends["bounce limit"] == 2 * ends["launched"] == 2 * ends["parted"]
 
 
@@ -170,6 +171,7 @@ def half_mirrors(count, reflectance=0.5):
     return replace(scene, element=tuple(faces))
 
 
+@pytest.mark.slow
 def test_no_ray_is_lost_where_very_many_part(device):
     """A ray has up to a hundred branches: where the list of those that wait fills, one is followed by chance.
 
@@ -178,9 +180,9 @@ def test_no_ray_is_lost_where_very_many_part(device):
     scene, rays = half_mirrors(5), np.array([256])
     tracer = PathTracer(scene, device, TraceOptions(NONSEQUENTIAL, seed=7), branches="both")
     _, sums = tracer.run(rays, Kept((), ()))
-    ends = tracer.ends(sums, int(rays.sum()) * tracer.streams)
+    ends = tracer.work.ends(sums, int(rays.sum()) * tracer.streams)
     assert ends["parted"] > 5 * ends["launched"]
     assert ends["failed"] == 0
-    (other,) = tracer.fluxes(sums, Kept((), ()), rays)
-    staying_w = sum(stay.flux_w for stay in tracer.staying(sums, rays))
-    assert other.flux_w + staying_w == pytest.approx(tracer.launched_w, rel=1e-4, abs=0)
+    (other,) = tracer.work.fluxes(sums, rays)
+    staying_w = sum(stay.flux_w for stay in tracer.work.staying(sums, rays))
+    assert other.flux_w + staying_w == pytest.approx(tracer.work.launched_w, rel=1e-4, abs=0)

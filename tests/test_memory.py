@@ -122,5 +122,5 @@ def test_running_out_of_memory_is_one_line(monkeypatch, capsys):
         raise MemoryError("Unable to allocate 9 PiB")
 
     monkeypatch.setattr("irtscots_cl.cli.common.load_scene", out)
-    assert main(["run", "sphere"]) == 2
-    assert capsys.readouterr().err == "irtscots: out of memory: Unable to allocate 9 PiB\n"
+    assert main(["run", "sphere"]) == 3
+    assert capsys.readouterr().err == "irtscots: too little memory on the host: Unable to allocate 9 PiB\n"

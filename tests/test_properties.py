@@ -167,6 +167,7 @@ def test_the_ledger_is_exact_and_no_flux_negative(device, scene, rays, seed):
 # --- the estimators agree --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @some_scenes
 @given(scenes())
 def test_forward_is_adjoint_in_expectation(device, scene):
@@ -192,6 +193,7 @@ def test_forward_is_adjoint_in_expectation(device, scene):
     assert p.min() > sidak_p(EXAMPLES * 65, FAILURE_CHANCE)  # at most 64 pixels, and their sum
 
 
+@pytest.mark.slow
 @some_scenes
 @given(scenes())
 def test_smoothed_is_plain_adjoint_in_expectation(device, scene):

@@ -102,7 +102,7 @@ def test_what_is_ruled_out_is_never_met(device, monkeypatch, name):
     all_images, all_sums, _ = run()
     np.testing.assert_array_equal(sums, all_sums)
     np.testing.assert_array_equal(images, all_images)
-    assert tracer.ends(sums, int(RAYS.sum()) * tracer.streams)["launched"] > 1000
+    assert tracer.work.ends(sums, int(RAYS.sum()) * tracer.streams)["launched"] > 1000
 
 
 def test_a_bare_test_rules_out_what_it_can():
@@ -127,5 +127,5 @@ def test_the_bowls_light_does_meet_it_twice(device):
     """So that the tests above have something to see."""
     tracer = PathTracer(bowl(), device, TraceOptions(NONSEQUENTIAL, seed=3), bounce_limit=2)
     _, sums = tracer.run(RAYS, Kept((), ()))
-    ends = tracer.ends(sums, int(RAYS.sum()) * tracer.streams)
+    ends = tracer.work.ends(sums, int(RAYS.sum()) * tracer.streams)
     assert ends["bounce limit"] > 0.01 * ends["launched"]  # the camera is much too small for so many
