@@ -99,6 +99,7 @@ print(peak_bytes() - before)
 """
 
 
+@pytest.mark.slow
 def test_a_detector_takes_the_memory_that_is_said(tmp_path):
     (tmp_path / "large.toml").write_text(large((21, 21), (320, 320)).to_toml())
     arguments = [sys.executable, "-c", PEAK, str(tmp_path / "large.toml")]

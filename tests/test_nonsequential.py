@@ -188,7 +188,7 @@ def test_the_reflectance_of_the_plates_faces():
     assert plate_mean(lambda r: (1 - r) / (1 + r)) == pytest.approx(3.04 / (1.52**2 + 1), rel=1e-5, abs=0)
 
 
-@pytest.mark.parametrize("least_chance", [0.0, 0.1, 0.5])
+@pytest.mark.parametrize("least_chance", [pytest.param(0.0, marks=pytest.mark.slow), 0.1, 0.5])
 def test_light_through_a_plate_and_its_ghosts(device, least_chance):
     """(1 - R)^2 of the light passes straight, (1 - R)^2 R^2 after two reflections, R^4 of that after four."""
     light, (bare_w, share) = plate(device, least_chance), bare_flux_w(device)

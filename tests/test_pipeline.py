@@ -118,6 +118,7 @@ def test_the_paper_s_estimator_agrees_with_its_own_prediction(device):
     assert run.report["rays_total"] == 156_250 * 441
 
 
+@pytest.mark.slow
 def test_the_off_axis_segment_is_measured_as_predicted(device):
     run = simulate(load_scene("off-axis"), device=device, rays_per_pixel=4096, seed=1)
     predicted = run.report["predicted"]["slope_error_urad_rms"]

@@ -91,7 +91,9 @@ def scattered_flux_w(scene):
     return screen.radiance * screen.pitch_mm**2 * mirror.reflectance * camera.transmittance * total
 
 
-@pytest.mark.parametrize("name", SCATTER)
+@pytest.mark.parametrize(
+    "name", ["harvey", *(pytest.param(name, marks=pytest.mark.slow) for name in ("abg", "lambertian"))]
+)
 def test_scattered_flux_is_that_of_a_quadrature(device, name):
     """The specular light falls by the total scatter: of the same rays, so but for rounding."""
     scene, options = scattering(SCATTER[name]), {"rays_per_pixel": 2**13, "replicates": REPLICATES, "seed": 61}
