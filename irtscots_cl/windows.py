@@ -43,5 +43,7 @@ def place_windows(calibration: Calibration, margin: int) -> Windows:
     on_screen = np.all((last >= 0) & (first < size), axis=-1)
     extent = np.clip(last, 0, size - 1) - np.clip(first, 0, size - 1) + 1
     columns, rows = extent[on_screen].max(0)
-    origins = np.clip(first, 0, size - [columns, rows])
-    return Windows(pixels, origins.astype(np.int32), int(rows), int(columns))
+    origins = np.clip(first, 0, size - [columns, rows]).astype(np.int32)
+    for array in (pixels, origins):
+        array.setflags(write=False)  # shared by all who ask for the same windows
+    return Windows(pixels, origins, int(rows), int(columns))

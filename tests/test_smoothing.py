@@ -398,9 +398,8 @@ def test_windows_grow_until_they_hold_all_light(whole_run, monkeypatch):
     def beside_at_first(calibration, margin):
         asked.append(margin)
         windows = place_windows(calibration, margin)
-        if margin == 1:
-            windows.origins[:, 1] = np.maximum(windows.origins[:, 1] - 3, 0)
-        return windows
+        aside = np.maximum(windows.origins - np.array([0, 3]), 0).astype(np.int32)
+        return replace(windows, origins=aside) if margin == 1 else windows
 
     monkeypatch.setattr(module, "place_windows", beside_at_first)
     grown = trace(**options)
