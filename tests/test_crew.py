@@ -97,7 +97,11 @@ def test_every_ray_is_traced_once_whatever_fails(device, streams, rays, fails, l
 
 
 def test_a_device_whose_sums_are_lost_is_left_out_and_its_rays_traced_again(device, caplog):
-    crew = crew_of(device, [Counted(), Counted(fails_in_sums=True)])
+    sound, broken = Counted(), Counted(fails_in_sums=True)
+    launch, began = sound.launch, threading.Event()
+    broken.launch = lambda *given, launch=broken.launch: (launch(*given), began.set())
+    sound.launch = lambda *given: (began.wait(10), launch(*given))  # so that the other gets its share on a busy machine
+    crew = crew_of(device, [sound, broken])
     (counts,) = run_rays(crew, np.array([30, 20]), launch_rays=100)
     np.testing.assert_array_equal(counts, expected(7, [30, 20]))
     assert len(caplog.records) == 1 and "device: lost" in caplog.text
