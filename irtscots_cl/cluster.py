@@ -72,11 +72,13 @@ def connect(address: str):
         from distributed import Client
     except ModuleNotFoundError:
         raise ValueError(f"--dask = {address!r}: needs Dask: pip install 'irtscots-cl[dask]'") from None
+    must = "must be the address of a Dask scheduler, such as tcp://host:8786"
+    if not address.strip():  # Dask would start a cluster of its own
+        raise ValueError(f"--dask = {address!r}: {must}")
     try:
         return Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        must = "must be the address of a Dask scheduler, such as tcp://host:8786"
         raise ValueError(f"--dask = {address!r}: no scheduler answers: {reason}; {must}") from None
 
 
