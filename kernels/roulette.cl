@@ -7,7 +7,7 @@ INLINE void roulette(__constant Element *element, Interaction *at, realv reflect
     const realv least = element->least_chance;
     // not of what is wholly one or the other: the weight would be nothing
     realv chance = reflectance < least ? (realv)(least) : reflectance;
-    chance = (chance > 1 - least) & (reflectance < 1) ? (realv)(1 - least) : chance;
+    chance = ((chance > 1 - least) & (reflectance < 1)) ? (realv)(1 - least) : chance;
     chance = reflectance == 0 ? (realv)(0) : chance;
     const maskv reflects = uniform_open(at->draw) < chance;
     const realv pass = chance < 1 ? (1 - reflectance) / (1 - chance) : (realv)(0);
