@@ -34,23 +34,6 @@ FILES = [
 
 
 @pytest.fixture
-def irtscots(capsys):
-    """Runs a command in this process: (exit code, stdout, stderr). No failure may show a traceback."""
-
-    def call(*arguments):
-        capsys.readouterr()
-        try:
-            code = cli.main([str(argument) for argument in arguments])
-        except SystemExit as stop:  # of argparse
-            code = stop.code
-        out, err = capsys.readouterr()
-        assert "Traceback" not in err
-        return code, out, err
-
-    return call
-
-
-@pytest.fixture
 def here(tmp_path, monkeypatch):
     """An empty folder to work in."""
     monkeypatch.chdir(tmp_path)

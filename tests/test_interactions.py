@@ -23,7 +23,7 @@ EXACT = np.longdouble  # of what fp64 is compared with
 PLANE = Quadric(0.0, 0.0, 0.0)
 SCENE = np.dtype([("unused", np.int32)])  # the functions name the type and read nothing of it
 
-MEET = """    Rays rays;
+GIVEN_RAYS = """    Rays rays;
     for (int lane = 0; lane < WIDTH; ++lane) {
         const size_t ray = get_global_id(0) * WIDTH + lane;
         ((real *)&rays.x[0])[lane] = given[6 * ray];
@@ -34,7 +34,9 @@ MEET = """    Rays rays;
         ((real *)&rays.dz[0])[lane] = given[6 * ray + 5];
     }
     rays.group[0] = (intv)(0);
-    rays.last[0] = (intv)(last);
+"""
+
+MEET = GIVEN_RAYS + """    rays.last[0] = (intv)(last);
     rays.before[0] = (intv)(before);
     rays.reach[0] = reach_of(rays.x[0], rays.y[0], rays.z[0]);
     realv nearest = (realv)(INFINITY);
@@ -46,18 +48,7 @@ MEET = """    Rays rays;
     }"""
 
 # Rays through refractors in their order, as step_rays of trace_paths.cl takes them: `draw` never lets one reflect.
-THROUGH = """    Rays rays;
-    for (int lane = 0; lane < WIDTH; ++lane) {
-        const size_t ray = get_global_id(0) * WIDTH + lane;
-        ((real *)&rays.x[0])[lane] = given[6 * ray];
-        ((real *)&rays.y[0])[lane] = given[6 * ray + 1];
-        ((real *)&rays.z[0])[lane] = given[6 * ray + 2];
-        ((real *)&rays.dx[0])[lane] = given[6 * ray + 3];
-        ((real *)&rays.dy[0])[lane] = given[6 * ray + 4];
-        ((real *)&rays.dz[0])[lane] = given[6 * ray + 5];
-    }
-    rays.group[0] = (intv)(0);
-    rays.last[0] = rays.before[0] = (intv)(-1);
+THROUGH = GIVEN_RAYS + """    rays.last[0] = rays.before[0] = (intv)(-1);
     for (int k = 0; k < count; ++k) {
         __constant Element *element = &elements[k];
         rays.reach[0] = reach_of(rays.x[0], rays.y[0], rays.z[0]);

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from synthetic import small_scene
 
-from irtscots_cl import checkpoint, cli
+from irtscots_cl import checkpoint
 from irtscots_cl.checkpoint import trace_facts
 from irtscots_cl.cli.keeping import keeping
 from irtscots_cl.cli.progress import Progress
@@ -28,23 +28,12 @@ RUN = ("--rays-per-pixel", "600", "--replicates", "3")
 
 
 @pytest.fixture
-def irtscots(capsys, tmp_path, monkeypatch):
-    """Runs a command in an empty folder with mine.toml: (exit code, stdout, stderr)."""
+def irtscots(irtscots, tmp_path, monkeypatch):
+    """As in conftest.py, in an empty folder with mine.toml."""
     monkeypatch.chdir(tmp_path)
     Path("mine.toml").write_text(small_scene("sphere-deviated", 21).to_toml())
     monkeypatch.setattr("irtscots_cl.plots.write_figures", lambda *_: [])  # they take most of such a run's time
-
-    def call(*arguments):
-        capsys.readouterr()
-        try:
-            code = cli.main([str(argument) for argument in arguments])
-        except SystemExit as stop:  # of argparse
-            code = stop.code
-        out, err = capsys.readouterr()
-        assert "Traceback" not in err
-        return code, out, err
-
-    return call
+    return irtscots
 
 
 @pytest.fixture
