@@ -222,6 +222,7 @@ def test_a_folder_that_cannot_be_made_is_refused_in_one_line(irtscots):
 @pytest.mark.slow
 def test_a_study_is_gone_on_with(irtscots, monkeypatch):
     """Its finished traces are not repeated; its results are those of an undisturbed one."""
+    monkeypatch.setattr("irtscots_cl.studies.fig4.RUNS", 2)  # first: it is imported here, with the true number
     monkeypatch.setattr("irtscots_cl.studies.lab.PAPER_RAYS", (400, 900, 1600))
     monkeypatch.setattr("irtscots_cl.studies.lab.RUNS", 2)
     monkeypatch.setattr(checkpoint, "LEAST_SECONDS", 0.0)
