@@ -117,8 +117,8 @@ def read_images(path: Path) -> ImageStack:
     try:
         with h5py.File(path, "r") as file:
             return ImageStack(*(_read_scan(file, path, axis) for axis in ("x", "y")))
-    except (OSError, RuntimeError) as error:  # h5py tells of broken files and of endless links by either
-        raise ValueError(f"{path}: not a readable HDF5 file: {str(error).splitlines()[0]}") from None
+    except (OSError, RuntimeError, KeyError) as error:  # h5py tells of broken files and of endless links by any of them
+        raise ValueError(f"{path}: not a readable HDF5 file: {str(error.args[0]).splitlines()[0]}") from None
 
 
 def _read_scan(file: h5py.File, path: Path, axis: str) -> Scan:

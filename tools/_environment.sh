@@ -80,8 +80,14 @@ ensure_driver() {
         refuse "pip cannot install $*: $(grep -m 1 '^ERROR' "$log" || tail -n 1 "$log")"
     "$venv_python" -c '
 import sys
+import numpy as np
+import pyopencl as cl
 from irtscots_cl.device import select_device
-from irtscots_cl.selftest import probe
-probe(select_device(sys.argv[1]))' "$device" >>"$log" 2>&1 || refuse "$1 does not run on this machine: $(tail -n 1 "$log")"
+device, one = select_device(sys.argv[1]), np.zeros(1, np.int32)
+program = cl.Program(device.context, "__kernel void f(__global int *a) { a[0] = 1; }").build(cache_dir=False)
+buffer = cl.Buffer(device.context, cl.mem_flags.READ_WRITE, 4)
+program.f(device.queue, (1,), None, buffer)
+cl.enqueue_copy(device.queue, one, buffer)
+assert one[0] == 1' "$device" >>"$log" 2>&1 || refuse "$1 does not run on this machine: $(tail -n 1 "$log")"
     echo "$wanted" >"$venv/.installed-driver"
 }
