@@ -132,7 +132,8 @@ def of_elements(preset: str, **values: object) -> Scene:
 
 
 # beside the screen and the camera: what the mirror sends past them scatters there
-WALL = Element("wall", "absorber", (0.0, 0.0, 4100.0), (0.0, 0.0, 0.0), size_mm=(400.0, 400.0), scatter=SCATTER["harvey"])
+WALL = Element("wall", "absorber", (0.0, 0.0, 4100.0), (0.0, 0.0, 0.0), size_mm=(400.0, 400.0),
+               scatter=SCATTER["harvey"])  # fmt: skip
 PATHS = {
     "plain": small("sphere", 1, 4.0),
     "deviated": small("sphere-deviated", 1, 4.0),
