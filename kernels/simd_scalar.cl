@@ -33,7 +33,6 @@ INLINE intv count_mask(intv counts, maskv mask) { return counts + mask; }
 INLINE uint count_lanes(intv counts) { return (uint)counts; }
 
 INLINE ulong sum_lanes(intv a) { return (ulong)a; }
-INLINE ulong lane_bit(int lane) { return 1UL; }
 
 INLINE ulong mask_word(maskv mask) { return mask; }
 #define ALL_LANES 1UL

@@ -74,8 +74,6 @@ INLINE ulong mask_word(maskv mask) {
 #define LANE_PART 0x0101010101010101UL
 #define ALL_LANES (0x0101010101010101UL * ((1 << WIDTH / 8) - 1))   // mask_word of a full mask
 
-INLINE ulong lane_bit(int lane) { return 1UL << (lane % 8 * 8 + lane / 8); }
-
 INLINE int lowest_lane(ulong word) {
     const int bit = __builtin_ctzl(word);
     return bit / 8 + bit % 8 * 8;
