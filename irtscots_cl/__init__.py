@@ -5,24 +5,26 @@
     run = irt.trace(scene, rays_per_pixel=1024, seed=1)
     result = irt.reconstruct(run.images(irt.LineScan(scene)), scene.nominal())
 
-Map of the files, in layers; a file imports only from files above it:
+The folders, in order: each imports only from folders above it.
 
-    geometry, zernikes, zonal, integration                mathematics
-    checked, scatter, element, scene, presets,
-    surface, calibration                                  what is tested, with what, and its chief rays
-    pixelmap, cells, pixellight                           a detector pixel's light in closed form
-    interface, device, program, execution                 OpenCL: no other file imports pyopencl
-    windows, samplers, options, launches, checkpoint,
-    runner, crew, tasks, cluster, aiming, packing,
-    transport, analytic, parts, paths, pathsums,
-    nonsequential, tracer, probes, precision              scene + device -> Transport, light curves, light by path
-    images, patterns                                      Transport -> image stack
-    lightcurves, centroids, profiles, slopes,
-    reconstruction, refinement, measures, prediction      image stack -> height; never sees the true surface
-    comparison, straylight, errorparts, files, report,
-    plots, studies, pipeline, targets, stability, bench,
-    cli                                                   assembly
+    system       What the host offers: memory, whole files, versions.
+    maths        Frames, quadrics, Zernike polynomials, slopes to heights, error bars.
+    opencl       OpenCL devices, programs, buffers, structures. Alone imports pyopencl.
+    scene        What is tested and with what: frozen, checked, as TOML. No NumPy at import.
+    execution    Where launches run: one device, many, a Dask cluster; checkpoints. Knows no scene.
+    optics       Rays in float64 on the host: surfaces, chief rays, a pixel's light in closed form.
+    imaging      What the screen shows and the camera records.
+    tracing      SIMULATION: scene and device to light transport, by four estimators.
+    measurement  MEASUREMENT: images and design to height. Never imports tracing, opencl, execution.
+    analysis     Truth meets measurement: errors, error terms, stray light.
+    report       Results for people and programs: tables, JSON, HTML, HDF5, figures.
+    pipeline     The ready-made jobs: simulate, measure, reach a target.
+    bench        How fast rays are traced, how the time grows with a job, and which error is had for which time.
+    stability    Numerical stability on hard cases: the device's arithmetic, ray by ray, against exact references.
+    studies      The paper's tables and figures again, one module each: `irtscots reproduce` runs them.
+    cli          The command line: `irtscots COMMAND`.
 
+Two wings do not know each other: tracing simulates, measurement measures. docs/architecture.md draws their imports.
 The kernels are OpenCL C in kernels/: at the top of the repository, inside the package once it is installed.
 """
 
@@ -32,29 +34,29 @@ from typing import Any
 # Public name -> the module that defines it. Nothing is imported before it is asked for: listing the scenes or a
 # wrong argument on the command line need not wait for NumPy, OpenCL and Matplotlib.
 _PUBLIC = {
-    "DeviceError": "device",
-    "Interrupted": "checkpoint",
-    "Keeper": "checkpoint",
-    "LineLight": "transport",
-    "LineScan": "patterns",
-    "Scene": "scene",
-    "SceneError": "scene",
-    "Transport": "transport",
-    "all_devices": "device",
-    "compare": "comparison",
-    "error_parts": "errorparts",
-    "integrate_slopes": "integration",
-    "load_scene": "presets",
-    "measure_by": "measures",
-    "noise_gain": "integration",
-    "reconstruct": "reconstruction",
-    "refine": "refinement",
-    "select_device": "device",
-    "select_devices": "device",
-    "stray_light": "straylight",
-    "trace": "tracer",
-    "trace_paths": "nonsequential",
-    "zernike": "zernikes",
+    "DeviceError": "opencl.device",
+    "Interrupted": "execution.checkpoint",
+    "Keeper": "execution.checkpoint",
+    "LineLight": "tracing.results.transport",
+    "LineScan": "imaging.patterns",
+    "Scene": "scene.model",
+    "SceneError": "scene.validation",
+    "Transport": "tracing.results.transport",
+    "all_devices": "opencl.device",
+    "compare": "analysis.comparison",
+    "error_parts": "analysis.error_terms",
+    "integrate_slopes": "maths.integration",
+    "load_scene": "scene.presets",
+    "measure_by": "measurement.methods",
+    "noise_gain": "maths.integration",
+    "reconstruct": "measurement.reconstruction",
+    "refine": "measurement.refinement",
+    "select_device": "opencl.device",
+    "select_devices": "opencl.device",
+    "stray_light": "analysis.stray_light",
+    "trace": "tracing.trace",
+    "trace_paths": "tracing.trace",
+    "zernike": "maths.zernike.polynomials",
 }
 
 __all__ = ["__version__", *_PUBLIC]
@@ -62,7 +64,7 @@ __all__ = ["__version__", *_PUBLIC]
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        value = _version()
+        value = import_module(f"{__name__}.system.versions").package_version()
     elif name in _PUBLIC:
         value = getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
     else:
@@ -73,12 +75,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
-
-
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("irtscots-cl")
-    except PackageNotFoundError:  # a source tree on the path
-        return "0+uninstalled"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from irtscots_cl import cli
-from irtscots_cl.device import Device, select_device
+from irtscots_cl.opencl.device import Device, select_device
 
 
 @pytest.fixture(scope="session")

@@ -11,16 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
-from irtscots_cl.comparison import compare
-from irtscots_cl.device import Device, select_device
-from irtscots_cl.errorparts import error_parts, rounding_height_nm
-from irtscots_cl.measures import MEASURES, measure_by
-from irtscots_cl.options import TraceOptions
-from irtscots_cl.patterns import LineScan
-from irtscots_cl.pipeline import simulate
-from irtscots_cl.presets import load_scene
-from irtscots_cl.scene import Scene
-from irtscots_cl.tracer import trace
+from irtscots_cl.analysis.comparison import compare
+from irtscots_cl.analysis.error_terms import error_parts, rounding_height_nm
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.measurement.methods import MEASURES, measure_by
+from irtscots_cl.opencl.device import Device, select_device
+from irtscots_cl.pipeline.simulate import simulate
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.tracing.options import TraceOptions
+from irtscots_cl.tracing.trace import trace
 
 SCENES = ("sphere-deviated", "off-axis", str(Path(__file__).parents[1] / "examples" / "off-axis-deviated.toml"))
 # measure, precision, smoothed rays per pixel (Sobol points)

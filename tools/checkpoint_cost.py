@@ -13,10 +13,10 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from irtscots_cl.checkpoint import Interrupted, Keeper, KeptTrace
-from irtscots_cl.device import select_device
-from irtscots_cl.presets import load_scene
-from irtscots_cl.tracer import trace
+from irtscots_cl.execution.checkpoint import Interrupted, Keeper, KeptTrace
+from irtscots_cl.opencl.device import select_device
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.tracing.trace import trace
 
 MANY_RAYS = 2**32  # per pixel: more than there is time for
 

@@ -25,11 +25,12 @@ import numpy as np
 import psutil
 from distributed import Client
 
-from irtscots_cl.cluster import FAN_IN, task_seconds
-from irtscots_cl.options import TraceOptions
-from irtscots_cl.presets import load_scene
-from irtscots_cl.tasks import add_up
-from irtscots_cl.tracer import TraceWork, trace
+from irtscots_cl.execution.dask.run import FAN_IN, task_seconds
+from irtscots_cl.execution.dask.tasks import add_up
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.tracing.estimators.sequential import TraceWork
+from irtscots_cl.tracing.options import TraceOptions
+from irtscots_cl.tracing.trace import trace
 
 MANY_TASKS = 2000  # whose cost for scheduler and client is taken
 PROJECTED = (1, 10, 100, 1000, 4000)  # workers

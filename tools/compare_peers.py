@@ -19,13 +19,15 @@ from importlib.metadata import version
 import numpy as np
 from scipy.stats import chi2
 
-from irtscots_cl.aiming import emitters
 from irtscots_cl.bench.suite import conditions, peak_memory_mib
-from irtscots_cl.calibration import calibrate
-from irtscots_cl.device import Device, select_device
-from irtscots_cl.presets import load_scene
-from irtscots_cl.tracer import TraceOptions, Tracer, trace
-from irtscots_cl.transport import Transport
+from irtscots_cl.opencl.device import Device, select_device
+from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.tracing.estimators.sequential import Tracer
+from irtscots_cl.tracing.options import TraceOptions
+from irtscots_cl.tracing.packing.sources import emitters
+from irtscots_cl.tracing.results.transport import Transport
+from irtscots_cl.tracing.trace import trace
 
 ROUNDS = 5
 CHECKED_RAYS = 4096  # per screen pixel: to compile, and to compare with ours

@@ -12,11 +12,11 @@ from time import perf_counter
 
 import numpy as np
 
-from irtscots_cl.calibration import calibrate
-from irtscots_cl.integration import METHODS, integrate_slopes, noise_gain
-from irtscots_cl.presets import load_scene
-from irtscots_cl.surface import Surface
-from irtscots_cl.zonal import remove_terms, rms
+from irtscots_cl.maths.integration import METHODS, integrate_slopes, noise_gain
+from irtscots_cl.maths.low_order import remove_terms, rms
+from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.optics.surface import Surface
+from irtscots_cl.scene.presets import load_scene
 
 NM = 1e-6  # in mm
 

@@ -12,8 +12,8 @@ import sys
 
 from irtscots_cl.bench.suite import conditions
 from irtscots_cl.bench.throughput import Case, time_cases
-from irtscots_cl.device import DeviceError, select_device
-from irtscots_cl.presets import load_scene
+from irtscots_cl.opencl.device import DeviceError, select_device
+from irtscots_cl.scene.presets import load_scene
 
 
 def main() -> None:

@@ -1,2 +1,1 @@
-"""What the tracer can do: its speed on a device (throughput), how its time grows with a job (scaling), and what error
-is had for what time (accuracy)."""
+"""How fast rays are traced, how the time grows with a job, and which error is had for which time."""

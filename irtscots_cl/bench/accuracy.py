@@ -12,20 +12,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irtscots_cl.analysis.comparison import compare
+from irtscots_cl.analysis.error_terms import rounding_height_nm
 from irtscots_cl.bench.fits import fit_exponent
-from irtscots_cl.comparison import compare
-from irtscots_cl.device import Device
-from irtscots_cl.errorparts import rounding_height_nm
-from irtscots_cl.images import ImageStack
-from irtscots_cl.measures import MEASURES, measure_by
-from irtscots_cl.options import ANALYTIC, TraceOptions
-from irtscots_cl.patterns import LineScan
-from irtscots_cl.presets import load_scene
-from irtscots_cl.reconstruction import Reconstruction
-from irtscots_cl.samplers import SAMPLERS
-from irtscots_cl.scene import Scene
-from irtscots_cl.tracer import trace
-from irtscots_cl.zonal import remove_terms, rms
+from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.low_order import remove_terms, rms
+from irtscots_cl.measurement.methods import MEASURES, measure_by
+from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.opencl.device import Device
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
+from irtscots_cl.tracing.samplers import SAMPLERS
+from irtscots_cl.tracing.trace import trace
 
 SCENE = "sphere-deviated"
 SEEDS = {True: 2, False: 3}  # quick or not

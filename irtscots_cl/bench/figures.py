@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from irtscots_cl.bench.accuracy import seconds_of
 from irtscots_cl.bench.wall import TIMES
-from irtscots_cl.files import replacing
+from irtscots_cl.system.atomic_files import replacing
 
 
 def write_figures(folder: Path, results: dict) -> None:

@@ -17,10 +17,10 @@ import numpy as np
 
 from irtscots_cl.bench.fits import fit_exponent
 from irtscots_cl.bench.wall import LIMITS, TIMES, time_on_cores, time_warm
-from irtscots_cl.device import Device, DeviceError
-from irtscots_cl.launches import MAX_RAYS_PER_ITEM
-from irtscots_cl.presets import load_scene
-from irtscots_cl.scene import Scene
+from irtscots_cl.execution.launch_plan import MAX_RAYS_PER_ITEM
+from irtscots_cl.opencl.device import Device, DeviceError
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
 
 ROUNDS = {True: 1, False: 3}  # quick or not
 RAYS = {True: (1e5, 1e6, 1e7), False: (1e6, 1e7, 1e8, 1e9, 1e10)}  # of the sweep over rays

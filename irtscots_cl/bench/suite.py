@@ -12,8 +12,8 @@ from pathlib import Path
 from irtscots_cl.bench.accuracy import run_accuracy
 from irtscots_cl.bench.scaling import run_scaling
 from irtscots_cl.bench.throughput import run_throughput
-from irtscots_cl.device import Device
-from irtscots_cl.report import versions
+from irtscots_cl.opencl.device import Device
+from irtscots_cl.system.versions import versions
 
 
 def run_bench(device: Device, quick: bool = False, scaling: bool = False, accuracy: bool = False) -> dict:

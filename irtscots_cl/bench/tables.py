@@ -6,8 +6,8 @@ import math
 
 from irtscots_cl.bench.accuracy import seconds_of
 from irtscots_cl.bench.wall import TIMES
-from irtscots_cl.comparison import Estimate
-from irtscots_cl.report import Table
+from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.report.tables import Table
 
 
 def bench_tables(results: dict) -> list[Table]:

@@ -12,23 +12,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irtscots_cl.calibration import calibrate
-from irtscots_cl.device import Device
-from irtscots_cl.execution import Workspace
-from irtscots_cl.nonsequential import PathTracer
-from irtscots_cl.options import ESTIMATORS, NONSEQUENTIAL, TraceOptions
-from irtscots_cl.presets import load_scene
-from irtscots_cl.program import compose
-from irtscots_cl.samplers import SAMPLERS
-from irtscots_cl.scene import Scene, ZernikeTerms
-from irtscots_cl.tracer import Tracer
+from irtscots_cl.opencl.device import Device
+from irtscots_cl.opencl.kernel import Workspace
+from irtscots_cl.opencl.program import compose
+from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.scene.mirror import ZernikeTerms
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.tracing.estimators.nonsequential import PathTracer
+from irtscots_cl.tracing.estimators.sequential import Tracer
+from irtscots_cl.tracing.options import ESTIMATORS, NONSEQUENTIAL, TraceOptions
+from irtscots_cl.tracing.samplers import SAMPLERS
 
 ROUNDS = {True: 3, False: 9}  # timed rounds, quick or not
 SECONDS = {True: 0.06, False: 0.5}  # of one timed trace
 WARM_UP_RAYS = 2**22  # before a case's speed is known
 WIDTHS = (1, 8, 16)  # rays side by side that the kernels are written for, on CPUs
 PATH_SCENES = ("sphere", "sphere-deviated", "sphere-singlet", "sphere-window", "ghosts")
-FMA_CHAINS = 12  # CHAINS of kernels/multiply_add.cl
+FMA_CHAINS = 12  # CHAINS of kernels/entry/multiply_add.cl
 FMA_STEPS = 20_000
 
 

@@ -13,12 +13,12 @@ import subprocess
 import sys
 import time
 
-from irtscots_cl.calibration import calibrate
-from irtscots_cl.device import Device, DeviceError, select_device
-from irtscots_cl.launches import MAX_RAYS_PER_ITEM
-from irtscots_cl.presets import load_scene
-from irtscots_cl.scene import Scene
-from irtscots_cl.tracer import trace
+from irtscots_cl.execution.launch_plan import MAX_RAYS_PER_ITEM
+from irtscots_cl.opencl.device import Device, DeviceError, select_device
+from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.tracing.trace import trace
 
 TIMES = ("kernel_seconds", "trace_seconds", "total_seconds")
 LIMITS = ("POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT")  # PoCL since 4, before

@@ -1,4 +1,6 @@
-"""The command line: `irtscots COMMAND`. Exit codes: 0 done, 1 a bug, 2 bad input, 3 no usable device, 4 to be resumed.
+"""The command line: `irtscots COMMAND`.
+
+Exit codes: 0 done, 1 a bug, 2 bad input, 3 no usable device, 4 to be resumed.
 
 Each command has its file here; it imports what it needs when it runs, so that help and refusals come at once.
 """
@@ -13,7 +15,7 @@ from typing import NoReturn
 
 from irtscots_cl.cli import bench, devices, kernel, paths, reconstruct, reproduce, run, scenes, stability
 from irtscots_cl.cli.common import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_NO_DEVICE, EXIT_STOPPED, StoppedError, fail
-from irtscots_cl.scene import SceneError
+from irtscots_cl.scene.validation import SceneError
 
 COMMANDS = (run, scenes, devices, kernel, paths, reconstruct, reproduce, bench, stability)
 

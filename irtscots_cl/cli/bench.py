@@ -35,13 +35,13 @@ def add(commands) -> None:
 
 
 def _execute(options: argparse.Namespace) -> int:
-    from irtscots_cl.files import check_output_folder, plain, write_json
+    from irtscots_cl.system.atomic_files import check_output_folder, plain, write_json
 
     check_output_folder(options.out)
     from irtscots_cl.bench.figures import write_figures
     from irtscots_cl.bench.suite import run_bench
     from irtscots_cl.bench.tables import bench_tables
-    from irtscots_cl.device import select_device
+    from irtscots_cl.opencl.device import select_device
 
     results = run_bench(select_device(options.device), options.quick, options.scaling, options.accuracy)
     options.out.mkdir(parents=True, exist_ok=True)

@@ -9,8 +9,8 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
-from irtscots_cl.presets import load_scene
-from irtscots_cl.scene import Scene
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
 
 DEVICE_HELP = (
     "part of a device's name, its index such as 0:0, cpu or gpu; "
@@ -50,7 +50,7 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 def visible_scene(name_or_path: str) -> Scene:
     """A scene that can be traced; refused under the name that the user gave it."""
     scene = load_scene(name_or_path)
-    from irtscots_cl.calibration import calibrate, check_visible
+    from irtscots_cl.optics.chief_rays import calibrate, check_visible
 
     check_visible(calibrate(scene), name_or_path)
     return scene
@@ -94,8 +94,8 @@ def add_trace_choices(parser: argparse.ArgumentParser, device_help: str = DEVICE
 @contextmanager
 def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
     """device= or client= of `trace`, as --device and --dask say."""
-    from irtscots_cl.cluster import Cluster, connect
-    from irtscots_cl.device import select_devices
+    from irtscots_cl.execution.dask.cluster import Cluster, connect
+    from irtscots_cl.opencl.device import select_devices
 
     if options.dask is None:
         yield {"device": select_devices(options.device)}

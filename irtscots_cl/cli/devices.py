@@ -12,8 +12,8 @@ def add(commands) -> None:
 
 
 def _execute(options: argparse.Namespace) -> int:
-    from irtscots_cl.device import HINT, DeviceError, all_devices
-    from irtscots_cl.selftest import probe
+    from irtscots_cl.opencl.device import HINT, DeviceError, all_devices
+    from irtscots_cl.opencl.selftest import probe
 
     found = []
     for device in all_devices():

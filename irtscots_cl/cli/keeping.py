@@ -32,7 +32,7 @@ def keeping(folder: Path, name: str, resume: bool, *, many: bool = False, max_se
 
     Interrupted where something can be gone on with, it raises StoppedError. A folder that was made does not stay empty.
     """
-    from irtscots_cl.checkpoint import Interrupted, Keeper
+    from irtscots_cl.execution.checkpoint import Interrupted, Keeper
 
     keeper = Keeper(folder / name, resume, many, max_seconds, lambda line: print(f"irtscots: {line}", file=sys.stderr))
     made = [part for part in (folder, *folder.parents) if not part.exists()]

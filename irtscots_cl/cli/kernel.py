@@ -14,7 +14,7 @@ def add(commands) -> None:
 
 
 def _execute(options: argparse.Namespace) -> int:
-    from irtscots_cl.options import ANALYTIC, ESTIMATORS, NONSEQUENTIAL, TraceOptions
+    from irtscots_cl.tracing.options import ANALYTIC, ESTIMATORS, NONSEQUENTIAL, TraceOptions
 
     chosen = TraceOptions(**choices(options, ("estimator", "sampler", "precision", "smoothing")))
     if chosen.estimator == ANALYTIC:
@@ -32,15 +32,15 @@ def _execute(options: argparse.Namespace) -> int:
 
 def _source(scene, choice: str | None, options):
     """The composed source of the estimator's kernel, built on the device."""
-    from irtscots_cl.device import select_device
-    from irtscots_cl.options import NONSEQUENTIAL
+    from irtscots_cl.opencl.device import select_device
+    from irtscots_cl.tracing.options import NONSEQUENTIAL
 
     device = select_device(choice)
     if options.estimator == NONSEQUENTIAL:
-        from irtscots_cl.nonsequential import PathTracer
+        from irtscots_cl.tracing.estimators.nonsequential import PathTracer
 
         return PathTracer(scene, device, options).source
-    from irtscots_cl.calibration import calibrate
-    from irtscots_cl.tracer import Tracer
+    from irtscots_cl.optics.chief_rays import calibrate
+    from irtscots_cl.tracing.estimators.sequential import Tracer
 
     return Tracer(calibrate(scene), device, options).source

@@ -63,9 +63,10 @@ def add(commands) -> None:
 
 def _execute(options: argparse.Namespace) -> int:
     scene = visible_scene(options.scene)
-    from irtscots_cl.nonsequential import trace_paths
-    from irtscots_cl.report import path_facts, path_tables
-    from irtscots_cl.straylight import stray_light
+    from irtscots_cl.analysis.stray_light import stray_light
+    from irtscots_cl.report.facts import path_facts
+    from irtscots_cl.report.tables import path_tables
+    from irtscots_cl.tracing.trace import trace_paths
 
     with site_arguments(options) as where, Progress(quiet=options.quiet) as progress:
         light = trace_paths(
@@ -83,7 +84,7 @@ def _execute(options: argparse.Namespace) -> int:
         )
     facts = path_facts(light, stray_light(light))
     if options.json:
-        from irtscots_cl.files import plain
+        from irtscots_cl.system.atomic_files import plain
 
         print_json(plain(facts))
     else:

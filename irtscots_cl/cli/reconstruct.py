@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 from irtscots_cl.cli.common import DEFAULTS, add_measure, command, print_json, print_tables
-from irtscots_cl.presets import load_scene
+from irtscots_cl.scene.presets import load_scene
 
 
 def add(commands) -> None:
@@ -55,9 +55,10 @@ def _execute(options: argparse.Namespace) -> int:
     if not 0 <= options.threshold < 1:
         raise ValueError(f"--threshold = {options.threshold}: must be at least 0 and below 1")
     scene = load_scene(options.scene)
-    from irtscots_cl.files import check_output_folder, read_images
-    from irtscots_cl.measures import check_measure
-    from irtscots_cl.pipeline import measure
+    from irtscots_cl.imaging.image_files import read_images
+    from irtscots_cl.measurement.methods import check_measure
+    from irtscots_cl.pipeline.measure import measure
+    from irtscots_cl.system.atomic_files import check_output_folder
 
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder)
@@ -70,7 +71,7 @@ def _execute(options: argparse.Namespace) -> int:
     if options.json:
         print_json(facts)
     else:
-        from irtscots_cl.report import measured_table
+        from irtscots_cl.report.tables import measured_table
 
         print_tables([measured_table(facts)])
         print(f"results in {folder}")

@@ -38,13 +38,13 @@ def add(commands) -> None:
 
 
 def _execute(options: argparse.Namespace) -> int:
-    from irtscots_cl.files import check_output_folder, plain, write_json
     from irtscots_cl.studies import suite
+    from irtscots_cl.system.atomic_files import check_output_folder, plain, write_json
 
     names = suite.chosen(options.what)
     check_output_folder(options.out)
-    from irtscots_cl.device import select_device
-    from irtscots_cl.studies.lab import Lab
+    from irtscots_cl.opencl.device import select_device
+    from irtscots_cl.studies.traces import Lab
 
     device, finished = select_device(options.device), []
     with keeping(options.out, "checkpoints", options.resume, many=True) as keeper:

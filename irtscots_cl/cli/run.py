@@ -89,7 +89,7 @@ def add(commands) -> None:
 
 
 def _execute(options: argparse.Namespace) -> int:
-    from irtscots_cl.files import check_output_folder
+    from irtscots_cl.system.atomic_files import check_output_folder
 
     given = choices(options, DEFAULTS) | choices(options, RAYS)
     _check(options, DEFAULTS | RAYS | given)
@@ -97,7 +97,7 @@ def _execute(options: argparse.Namespace) -> int:
     _check_scene(scene, options, given)
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
     check_output_folder(folder)
-    from irtscots_cl.pipeline import write_run
+    from irtscots_cl.pipeline.output import write_run
 
     seconds = math.inf if options.max_seconds is None else options.max_seconds
     with keeping(folder, "checkpoint", options.resume, max_seconds=seconds) as keeper:
@@ -108,11 +108,11 @@ def _execute(options: argparse.Namespace) -> int:
         write_run(run, folder)
         keeper.remove()
     if options.json:
-        from irtscots_cl.files import plain
+        from irtscots_cl.system.atomic_files import plain
 
         print_json(plain(run.report))
     else:
-        from irtscots_cl.report import summary_tables
+        from irtscots_cl.report.tables import summary_tables
 
         print_tables(summary_tables(run.report))
         print(f"results in {folder}")
@@ -121,9 +121,9 @@ def _execute(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace, wanted: dict) -> None:
     """Refuse options that are out of range or do not go together, with a ValueError."""
-    from irtscots_cl.measures import check_measure
-    from irtscots_cl.options import TraceOptions
-    from irtscots_cl.tracer import share_rays
+    from irtscots_cl.execution.launch_plan import share_rays
+    from irtscots_cl.measurement.methods import check_measure
+    from irtscots_cl.tracing.options import TraceOptions
 
     names = ("estimator", "sampler", "precision", "aim", "overfill", "smoothing")
     TraceOptions(**{name: wanted[name] for name in names}, seed=options.seed)
@@ -141,7 +141,7 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
             raise ValueError(f"--target-nm: must be left out with --device = {options.device!r}: it wants one device")
         if options.dask is not None:
             raise ValueError("--dask: must be left out with --target-nm, whose pilot runs are timed on one device")
-        from irtscots_cl.targets import check_target
+        from irtscots_cl.pipeline.target import check_target
 
         check_target(options.target_nm, wanted["estimator"])
 
@@ -150,8 +150,7 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
     """Refuse, with a ValueError, what the estimator does not see, before anything slow."""
     if scene.is_sequential:
         return
-    from irtscots_cl.options import NONSEQUENTIAL
-    from irtscots_cl.tracer import check_sequential
+    from irtscots_cl.tracing.options import NONSEQUENTIAL, check_sequential
 
     estimator = (DEFAULTS | given)["estimator"]
     if estimator != NONSEQUENTIAL:
@@ -162,9 +161,9 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
 
 def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
     """Run as the options say."""
-    from irtscots_cl.options import ANALYTIC
-    from irtscots_cl.pipeline import outlook, simulate
-    from irtscots_cl.precision import check_precision_of_scene, check_precision_on
+    from irtscots_cl.pipeline.simulate import outlook, simulate
+    from irtscots_cl.tracing.checks.precision import check_precision_of_scene, check_precision_on
+    from irtscots_cl.tracing.options import ANALYTIC
 
     wanted = DEFAULTS | RAYS | given
     if wanted["estimator"] == ANALYTIC and keeper.files():
@@ -181,8 +180,8 @@ def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
 
 def _reach(scene, options: argparse.Namespace, given: dict):
     """Run what reaches the target."""
-    from irtscots_cl.device import select_device
-    from irtscots_cl.targets import reach
+    from irtscots_cl.opencl.device import select_device
+    from irtscots_cl.pipeline.target import reach
 
     device = select_device(options.device)
     with Progress(quiet=options.quiet) as progress:

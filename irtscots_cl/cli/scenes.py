@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from irtscots_cl.cli.common import command, print_json
-from irtscots_cl.presets import preset_names, preset_text
+from irtscots_cl.scene.presets import preset_names, preset_text
 
 
 def add(commands) -> None:

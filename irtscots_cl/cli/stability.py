@@ -33,7 +33,7 @@ def _execute(options: argparse.Namespace) -> int:
     with Progress("checking", options.quiet, "checks") as progress:
         results = run_stability(_devices(options.device), options.long, progress)
     if options.json:
-        from irtscots_cl.files import plain
+        from irtscots_cl.system.atomic_files import plain
 
         print_json(plain(results))
         return 0
@@ -45,8 +45,8 @@ def _execute(options: argparse.Namespace) -> int:
 
 
 def _devices(choice: str | None) -> list:
-    from irtscots_cl.device import DeviceError, all_devices, select_device
-    from irtscots_cl.selftest import check_device
+    from irtscots_cl.opencl.device import DeviceError, all_devices, select_device
+    from irtscots_cl.opencl.selftest import check_device
 
     if choice is not None:
         return [select_device(choice)]

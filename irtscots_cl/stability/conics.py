@@ -6,12 +6,14 @@ from functools import partial
 
 import numpy as np
 
-from irtscots_cl.interface import PRECISIONS
-from irtscots_cl.probes import MeetProbe
-from irtscots_cl.scene import Camera, Detector, Mirror, Scene, Screen
+from irtscots_cl.opencl.structs import PRECISIONS
+from irtscots_cl.optics.surface import Surface
+from irtscots_cl.scene.instrument import Camera, Detector, Screen
+from irtscots_cl.scene.mirror import Mirror
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.stability.checks import Bench, Case, Finding, Limit, count, finding
 from irtscots_cl.stability.exact import ExactMirror
-from irtscots_cl.stability.outcome import Bench, Case, Finding, Limit, count, finding
-from irtscots_cl.surface import Surface
+from irtscots_cl.tracing.checks.probes import MeetProbe
 
 RAYS = 256
 SEED = 11

@@ -6,16 +6,18 @@ import dataclasses
 
 import numpy as np
 
-from irtscots_cl.calibration import Calibration
-from irtscots_cl.execution import Workspace
-from irtscots_cl.interface import WEIGHT_ONE
-from irtscots_cl.packing import receivers
-from irtscots_cl.patterns import LineScan
-from irtscots_cl.program import compose
-from irtscots_cl.scene import Detector, Mirror, Scene
-from irtscots_cl.stability.outcome import Bench, Case, Finding, Limit, count, finding
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.opencl.kernel import Workspace
+from irtscots_cl.opencl.program import compose
+from irtscots_cl.opencl.structs import WEIGHT_ONE
+from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.scene.instrument import Detector
+from irtscots_cl.scene.mirror import Mirror
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.stability.checks import Bench, Case, Finding, Limit, count, finding
 from irtscots_cl.stability.paths import scene_of
-from irtscots_cl.tracer import trace
+from irtscots_cl.tracing.packing.sources import receivers
+from irtscots_cl.tracing.trace import trace
 
 SPHERE = Mirror(radius_mm=4166.747, diameter_mm=1064.0)
 CENTRE = (0.0, 0.0, 4166.747)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from irtscots_cl.centroids import centroids
-from irtscots_cl.images import ImageStack, Scan
-from irtscots_cl.lightcurves import Flag, flag_curves
-from irtscots_cl.stability.outcome import Bench, Case, Finding, Limit, count, finding
+from irtscots_cl.imaging.image_stack import ImageStack, Scan
+from irtscots_cl.measurement.centroids import centroids
+from irtscots_cl.measurement.light_curves import Flag, flag_curves
+from irtscots_cl.stability.checks import Bench, Case, Finding, Limit, count, finding
 
 LINES, PITCH_MM = 41, 0.2
 HALF_WIDTH_MM = 0.7  # of the curves, whose light the geometry lets reach that far

@@ -7,15 +7,17 @@ from functools import partial
 
 import numpy as np
 
-from irtscots_cl.interface import PRECISIONS
-from irtscots_cl.probes import MeetProbe
-from irtscots_cl.scene import Detector, Mirror, Scene
+from irtscots_cl.opencl.structs import PRECISIONS
+from irtscots_cl.scene.instrument import Detector
+from irtscots_cl.scene.mirror import Mirror
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.stability.checks import Bench, Case, Finding, count
 from irtscots_cl.stability.conics import RAYS, SEED, compare, lines_through, mirror_scene, points_on
 from irtscots_cl.stability.exact import ExactMirror
-from irtscots_cl.stability.outcome import Bench, Case, Finding, count
 from irtscots_cl.stability.paths import scene_of
-from irtscots_cl.tracer import trace
-from irtscots_cl.transport import Transport
+from irtscots_cl.tracing.checks.probes import MeetProbe
+from irtscots_cl.tracing.results.transport import Transport
+from irtscots_cl.tracing.trace import trace
 
 GRAZING_DEGREES = (60.0, 80.0, 89.0, 89.5, 89.9)
 

@@ -11,7 +11,7 @@ from math import comb
 
 import numpy as np
 
-from irtscots_cl.zernikes import index_to_nm
+from irtscots_cl.maths.zernike.indices import index_to_nm
 
 DIGITS = 50  # the factorial sums of radial order 40 lose 15, roots next to a tangent 10 more
 NEWTON_STEPS = 5  # from the design to the deviated surface: each doubles the digits, of which a ray needs 25

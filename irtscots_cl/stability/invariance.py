@@ -7,14 +7,15 @@ from functools import partial
 
 import numpy as np
 
-from irtscots_cl.geometry import Frame
-from irtscots_cl.probes import MeetProbe
-from irtscots_cl.scene import Mirror, Scene, ZernikeTerms
+from irtscots_cl.maths.frame import Frame
+from irtscots_cl.maths.zernike.indices import index_to_nm
+from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.stability.checks import Bench, Case, Finding, Limit, count, finding
 from irtscots_cl.stability.conics import lines_through, points_on
-from irtscots_cl.stability.outcome import Bench, Case, Finding, Limit, count, finding
 from irtscots_cl.stability.paths import LANDING, PIXELS, adjoint_probe, landing_errors, random_words, scene_of
-from irtscots_cl.tracer import trace
-from irtscots_cl.zernikes import index_to_nm
+from irtscots_cl.tracing.checks.probes import MeetProbe
+from irtscots_cl.tracing.trace import trace
 
 RAYS = 256
 TRACED = 512  # rays per pixel of a whole trace

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from skimage.measure import label
 
-from irtscots_cl.integration import integrate_slopes
-from irtscots_cl.stability.outcome import Bench, Case, Finding, Limit, count, finding
+from irtscots_cl.maths.integration import integrate_slopes
+from irtscots_cl.stability.checks import Bench, Case, Finding, Limit, count, finding
 
 SIZE = 64
 STEP_MM = 2.0

@@ -7,12 +7,14 @@ from math import cos, radians, sin
 
 import numpy as np
 
-from irtscots_cl.calibration import Calibration
-from irtscots_cl.packing import receivers
-from irtscots_cl.probes import BLOCK, AdjointPaths, PathProbe, uniform_centred
-from irtscots_cl.scene import Camera, Detector, Mirror, Scene, Screen, ZernikeTerms
+from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.scene.instrument import Camera, Detector, Screen
+from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.stability.checks import Bench, Case, Finding, Limit, count, finding
 from irtscots_cl.stability.exact import NUMBERS, adjoint_landing, error
-from irtscots_cl.stability.outcome import Bench, Case, Finding, Limit, count, finding
+from irtscots_cl.tracing.checks.probes import BLOCK, AdjointPaths, PathProbe, uniform_centred
+from irtscots_cl.tracing.packing.sources import receivers
 
 PIXELS = 8  # detector pixels across, all of them probed
 RAYS = 6  # of each

@@ -6,11 +6,11 @@ from functools import partial
 
 import numpy as np
 
-from irtscots_cl.probes import MeetProbe
+from irtscots_cl.optics.surface import Surface
+from irtscots_cl.stability.checks import Bench, Case, Finding, Limit, finding
 from irtscots_cl.stability.conics import SEED, lines_through, mirror_scene, points_on
-from irtscots_cl.stability.outcome import Bench, Case, Finding, Limit, finding
 from irtscots_cl.stability.zernike import DIAMETER_MM, RADIUS_MM, deviated
-from irtscots_cl.surface import Surface
+from irtscots_cl.tracing.checks.probes import MeetProbe
 
 RAYS = 2**18
 AMPLITUDES_UM = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 
-from irtscots_cl.device import Device
-from irtscots_cl.report import Table, versions
+from irtscots_cl.opencl.device import Device
+from irtscots_cl.report.tables import Table
 from irtscots_cl.stability import conics, counting, curves, edges, invariance, masks, paths, signature, zernike
-from irtscots_cl.stability.outcome import Bench, Case, Finding
+from irtscots_cl.stability.checks import Bench, Case, Finding
+from irtscots_cl.system.versions import versions
 
 _PARTS = (conics, edges, paths, zernike, signature, invariance, counting, masks, curves)
 CASES: tuple[Case, ...] = tuple(case for part in _PARTS for case in part.CASES)

@@ -6,12 +6,12 @@ from functools import partial
 
 import numpy as np
 
-from irtscots_cl.probes import MeetProbe
-from irtscots_cl.scene import Mirror, ZernikeTerms
+from irtscots_cl.maths.zernike.indices import nm_to_noll
+from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
+from irtscots_cl.stability.checks import Bench, Case, Finding, Limit, count, finding
 from irtscots_cl.stability.conics import SEED, lines_through, mirror_scene, points_on
 from irtscots_cl.stability.exact import ExactMirror
-from irtscots_cl.stability.outcome import Bench, Case, Finding, Limit, count, finding
-from irtscots_cl.zernikes import nm_to_noll
+from irtscots_cl.tracing.checks.probes import MeetProbe
 
 RADIUS_MM, DIAMETER_MM = 4166.747, 1064.0
 RAYS = 64  # the reference's factorial sums are slow

@@ -1,5 +1,5 @@
-"""The paper's tables and figures again, a small module for each: `irtscots reproduce` runs them.
+"""The paper's tables and figures again, one module each: `irtscots reproduce` runs them.
 
-A study is a module with a TITLE and a function `study(lab)` that returns an outcome.Outcome. It stands on the public
-API; what several studies trace, the lab traces once. docs/studies.md tells how to write one.
+A study is a module with a TITLE and a function `study(lab)` that returns a verdicts.Outcome. It stands on the public
+API; what several studies trace is traced once. docs/studies.md says how to add one.
 """

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from irtscots_cl.comparison import HEIGHT_TERMS, Estimate
-from irtscots_cl.measures import measure_by
-from irtscots_cl.patterns import LineScan
-from irtscots_cl.presets import load_scene
-from irtscots_cl.reconstruction import Reconstruction
-from irtscots_cl.scene import Scene
+from irtscots_cl.analysis.comparison import HEIGHT_TERMS
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.low_order import remove_terms, rms
+from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.measurement.methods import measure_by
+from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import maps
-from irtscots_cl.studies.lab import SEED, Lab
-from irtscots_cl.studies.outcome import Outcome, exact, row
-from irtscots_cl.tracer import trace
-from irtscots_cl.transport import Transport
-from irtscots_cl.zonal import remove_terms, rms
+from irtscots_cl.studies.traces import SEED, Lab
+from irtscots_cl.studies.verdicts import Outcome, exact, row
+from irtscots_cl.tracing.results.transport import Transport
+from irtscots_cl.tracing.trace import trace
 
 TITLE = "Brightness variations of the screen, ideal sphere (figure 9)"
 AMPLITUDE = 0.1

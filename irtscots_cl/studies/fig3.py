@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import erf
 
-from irtscots_cl.comparison import Estimate
-from irtscots_cl.images import ImageStack, jackknife_error
-from irtscots_cl.patterns import LineScan
-from irtscots_cl.presets import load_scene
+from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.statistics import Estimate, jackknife_error
+from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import maps
-from irtscots_cl.studies.lab import Lab, Traced, describe
-from irtscots_cl.studies.outcome import Outcome, exact, row
-from irtscots_cl.tracer import trace
+from irtscots_cl.studies.traces import Lab, Traced, describe
+from irtscots_cl.studies.verdicts import Outcome, exact, row
+from irtscots_cl.tracing.trace import trace
 
 TITLE = "Line 7 on the ideal and the deviated sphere (figure 3)"
 SURFACES = ("sphere", "sphere-deviated")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from irtscots_cl.comparison import Estimate
-from irtscots_cl.patterns import LineScan
-from irtscots_cl.presets import load_scene
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import maps
-from irtscots_cl.studies.lab import RUNS, Lab, describe, over_runs
-from irtscots_cl.studies.outcome import Outcome, row
-from irtscots_cl.tracer import trace
+from irtscots_cl.studies.traces import RUNS, Lab, describe, over_runs
+from irtscots_cl.studies.verdicts import Outcome, row
+from irtscots_cl.tracing.trace import trace
 
 TITLE = "One line image at the paper's ray numbers (figure 4)"
 LINE = 10  # the middle one of 21

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from irtscots_cl.comparison import Estimate
-from irtscots_cl.patterns import LineScan
-from irtscots_cl.pixellight import chord_cdf
-from irtscots_cl.presets import load_scene
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.optics.pixel.chord import chord_cdf
+from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import curves
-from irtscots_cl.studies.lab import CENTRE, PAPER_RAYS, RUNS, Lab, describe, light_curve, over_runs
-from irtscots_cl.studies.outcome import Outcome, exact, row
-from irtscots_cl.tracer import trace
+from irtscots_cl.studies.traces import CENTRE, PAPER_RAYS, RUNS, Lab, describe, light_curve, over_runs
+from irtscots_cl.studies.verdicts import Outcome, exact, row
+from irtscots_cl.tracing.trace import trace
 
 TITLE = "Light curve of the centre pixel against Eq. (2) (figure 5)"
 PRINTED_PERCENT = dict(zip(PAPER_RAYS, (3.0, 1.5, 0.3), strict=True))

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from irtscots_cl.centroids import centroids
-from irtscots_cl.pixellight import pixel_light
-from irtscots_cl.presets import load_scene
-from irtscots_cl.scene import Scene, ZernikeTerms
+from irtscots_cl.measurement.centroids import centroids
+from irtscots_cl.optics.pixel.response import pixel_light
+from irtscots_cl.scene.mirror import ZernikeTerms
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import curves
-from irtscots_cl.studies.lab import CENTRE, RUNS, Lab, describe, light_curve, over_runs
-from irtscots_cl.studies.outcome import Outcome, exact, row
+from irtscots_cl.studies.traces import CENTRE, RUNS, Lab, describe, light_curve, over_runs
+from irtscots_cl.studies.verdicts import Outcome, exact, row
 
 TITLE = "Centroids of the centre pixel (figure 6)"
 PRINTED_MM = {"sphere": 0.001, "sphere-deviated": 0.045}

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from irtscots_cl.comparison import Comparison, compare
-from irtscots_cl.images import ImageStack, Scan
-from irtscots_cl.measures import measure_by
-from irtscots_cl.patterns import LineScan
-from irtscots_cl.prediction import predict_error
-from irtscots_cl.presets import load_scene
-from irtscots_cl.reconstruction import Reconstruction
-from irtscots_cl.scene import Scene
+from irtscots_cl.analysis.comparison import Comparison, compare
+from irtscots_cl.imaging.image_stack import ImageStack, Scan
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.measurement.methods import measure_by
+from irtscots_cl.measurement.prediction import predict_error
+from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import maps
-from irtscots_cl.studies.lab import RUNS, SEED, Lab, Traced, describe
-from irtscots_cl.studies.outcome import Outcome, Row, row
-from irtscots_cl.tracer import trace
+from irtscots_cl.studies.traces import RUNS, SEED, Lab, Traced, describe
+from irtscots_cl.studies.verdicts import Outcome, Row, row
+from irtscots_cl.tracing.trace import trace
 
 TITLE = "Off-axis segment (section 3.4, figures 11 and 12)"
 PAPER_RAYS = 1_562_500  # per screen pixel

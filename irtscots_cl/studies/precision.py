@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from irtscots_cl.calibration import calibrate
-from irtscots_cl.centroids import centroids, poisson_error
-from irtscots_cl.comparison import Estimate
-from irtscots_cl.images import Scan
-from irtscots_cl.presets import load_scene
-from irtscots_cl.studies.lab import RUNS, Lab, Traced, describe
-from irtscots_cl.studies.outcome import Outcome, Row, row
+from irtscots_cl.imaging.image_stack import Scan
+from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.measurement.centroids import centroids, poisson_error
+from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.studies.traces import RUNS, Lab, Traced, describe
+from irtscots_cl.studies.verdicts import Outcome, Row, row
 
 TITLE = "Precision of the centroids, ideal sphere (Eq. 5)"
 LIT_LINES = 6  # N of Eq. (5): lines that contribute

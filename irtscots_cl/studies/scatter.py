@@ -6,18 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from irtscots_cl.comparison import Estimate
-from irtscots_cl.nonsequential import trace_paths
-from irtscots_cl.paths import PathLight
-from irtscots_cl.patterns import LineScan
-from irtscots_cl.presets import load_scene
-from irtscots_cl.scatter import Harvey, tis_of_roughness
-from irtscots_cl.scene import Scene
-from irtscots_cl.straylight import StrayLight, stray_light
+from irtscots_cl.analysis.stray_light import StrayLight, stray_light
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.scene.scatter.models import Harvey, tis_of_roughness
 from irtscots_cl.studies.drawing import maps
-from irtscots_cl.studies.lab import CENTRE, SEED, Lab, over_runs
-from irtscots_cl.studies.outcome import Outcome, exact, row
-from irtscots_cl.tracer import trace
+from irtscots_cl.studies.traces import CENTRE, SEED, Lab, over_runs
+from irtscots_cl.studies.verdicts import Outcome, exact, row
+from irtscots_cl.tracing.results.paths import PathLight
+from irtscots_cl.tracing.trace import trace, trace_paths
 
 TITLE = "Scattered light (figure 10)"
 SIGMA_NM, WAVELENGTH_NM = 2.0, 500.0

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from irtscots_cl.comparison import Estimate
-from irtscots_cl.patterns import LineScan
-from irtscots_cl.presets import load_scene
-from irtscots_cl.scene import Scene
-from irtscots_cl.studies.lab import CENTRE, PAPER_OVERFILL, PAPER_RAYS, RUNS, SEED, Lab
-from irtscots_cl.studies.outcome import Outcome, row
-from irtscots_cl.tracer import trace
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.studies.traces import CENTRE, PAPER_OVERFILL, PAPER_RAYS, RUNS, SEED, Lab
+from irtscots_cl.studies.verdicts import Outcome, row
+from irtscots_cl.tracing.trace import trace
 
 TITLE = "Signal-to-noise ratio of one line image over ten runs, ideal sphere"
 PRINTED = dict(zip(PAPER_RAYS, (3.38, 15.10, 49.71), strict=True))

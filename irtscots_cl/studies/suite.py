@@ -9,10 +9,11 @@ from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 
-from irtscots_cl.files import replacing, write_text
-from irtscots_cl.report import Table, versions
-from irtscots_cl.studies.lab import Lab
-from irtscots_cl.studies.outcome import FAILURE_CHANCE, TEST, Z_LIMIT, Outcome
+from irtscots_cl.report.tables import Table
+from irtscots_cl.studies.traces import Lab
+from irtscots_cl.studies.verdicts import FAILURE_CHANCE, TEST, Z_LIMIT, Outcome
+from irtscots_cl.system.atomic_files import replacing, write_text
+from irtscots_cl.system.versions import versions
 
 # Name on the command line -> module; the order is that of `all`.
 STUDIES = {
@@ -92,7 +93,7 @@ def write_documents(folder: Path, finished: list[Finished], lab: Lab) -> None:
 
     device, about = lab.device.describe(), versions()
     for name, escape in (("reproduce.md", False), ("reproduce.html", True)):
-        text = (files("irtscots_cl") / "templates" / name).read_text(encoding="utf-8")
+        text = (files("irtscots_cl.report") / "templates" / name).read_text(encoding="utf-8")
         template = jinja2.Environment(autoescape=escape, trim_blocks=True, lstrip_blocks=True).from_string(text)
         page = template.render(
             finished=finished, device=device, versions=about, quick=lab.quick, counts=counts(finished), test=TEST

@@ -6,15 +6,16 @@ import math
 
 import numpy as np
 
-from irtscots_cl.comparison import Comparison, Estimate, compare
-from irtscots_cl.images import ImageStack
-from irtscots_cl.measures import measure_by
-from irtscots_cl.patterns import LineScan
-from irtscots_cl.presets import load_scene
-from irtscots_cl.scene import Scene
-from irtscots_cl.studies.lab import Lab, describe
-from irtscots_cl.studies.outcome import Outcome, exact, row
-from irtscots_cl.tracer import trace
+from irtscots_cl.analysis.comparison import Comparison, compare
+from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.measurement.methods import measure_by
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.studies.traces import Lab, describe
+from irtscots_cl.studies.verdicts import Outcome, exact, row
+from irtscots_cl.tracing.trace import trace
 
 TITLE = "Zernike coefficients of the deviated sphere (tables 3 and 4)"
 PRINTED_UM = {6: 0.3262, 8: -0.1408, 9: 0.1059, 11: 0.0877, 29: -0.0247, 38: -0.0143}

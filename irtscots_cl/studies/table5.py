@@ -6,16 +6,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from irtscots_cl.comparison import Estimate, compare
-from irtscots_cl.images import ImageStack
-from irtscots_cl.measures import measure_by
-from irtscots_cl.patterns import LineScan
-from irtscots_cl.prediction import PredictedError, predict_error
-from irtscots_cl.presets import load_scene
-from irtscots_cl.scene import Scene
-from irtscots_cl.studies.lab import PAPER_RAYS, PAPER_RAYS_PER_SECOND, RUNS, SEED, Lab, Traced, describe, over_runs
-from irtscots_cl.studies.outcome import Outcome, Row, exact, row
-from irtscots_cl.tracer import trace
+from irtscots_cl.analysis.comparison import compare
+from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.measurement.methods import measure_by
+from irtscots_cl.measurement.prediction import PredictedError, predict_error
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.studies.traces import PAPER_RAYS, PAPER_RAYS_PER_SECOND, RUNS, SEED, Lab, Traced, describe, over_runs
+from irtscots_cl.studies.verdicts import Outcome, Row, exact, row
+from irtscots_cl.tracing.trace import trace
 
 TITLE = "Slope and height errors, rms (table 5)"
 PRINTED = {  # slope x, slope y [urad], height [nm]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from irtscots_cl.presets import load_scene
-from irtscots_cl.studies.lab import PAPER_RAYS_PER_SECOND, Lab, describe
-from irtscots_cl.studies.outcome import Outcome, Row, exact, row
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.studies.traces import PAPER_RAYS_PER_SECOND, Lab, describe
+from irtscots_cl.studies.verdicts import Outcome, Row, exact, row
 
 TITLE = "Computing time of the ideal sphere's forward run"
 

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from irtscots_cl.integration import METHODS, integrate_slopes
-from irtscots_cl.presets import load_scene
+from irtscots_cl.maths.integration import METHODS, integrate_slopes
+from irtscots_cl.maths.low_order import remove_terms, rms
+from irtscots_cl.optics.surface import Surface
+from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import curves
-from irtscots_cl.studies.lab import Lab
-from irtscots_cl.studies.outcome import Outcome, Row, exact, row
-from irtscots_cl.surface import Surface
-from irtscots_cl.zonal import remove_terms, rms
+from irtscots_cl.studies.traces import Lab
+from irtscots_cl.studies.verdicts import Outcome, Row, exact, row
 
 TITLE = "Error of integration on exact slopes (section 4)"
 POINTS = (31, 63, 125, 250)  # across the aperture, on a regular grid

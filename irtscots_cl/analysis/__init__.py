@@ -1,0 +1,1 @@
+"""Truth meets measurement: errors, error terms, stray light."""

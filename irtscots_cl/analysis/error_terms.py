@@ -1,0 +1,156 @@
+"""What a height error consists of: ray noise, rounding, line sampling, height coupling, pixels, edges, integration.
+
+Heights are linear in the slopes, so the error is a sum of maps. Each part is what one step changes when its input is
+replaced by the exact one: the images by noise-free ones in closed form, their centroids by those of the light, the
+height found by the true one, the slopes by the true ones at the nodes. The maps add up to the whole error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.integration import integrate_slopes
+from irtscots_cl.maths.low_order import remove_terms, rms
+from irtscots_cl.measurement.centroids import centroids
+from irtscots_cl.measurement.methods import measure_by
+from irtscots_cl.measurement.reconstruction import Reconstruction, design_points, triangulated
+from irtscots_cl.measurement.slopes import without_pixel_average
+from irtscots_cl.opencl.device import Device
+from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.optics.pixel.response import pixel_light
+from irtscots_cl.optics.surface import Surface
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
+from irtscots_cl.tracing.trace import trace
+
+ROUNDING_RAYS = 1024  # per pixel, smoothed: the same rays in both precisions, so that little noise is left
+WHOLE = 1 - 1e-9  # coverage of a pixel that the mirror's rim does not cross
+
+
+@dataclass(frozen=True)
+class ErrorPart:
+    """One part of an error. slope_urad: rms (x, y) over the mask, NaN for a part that has none. height_nm: rms of
+    height_mm, [rows, columns], piston and tilt removed."""
+
+    name: str
+    slope_urad: tuple[float, float]
+    height_nm: float
+    height_mm: np.ndarray
+
+
+def error_parts(
+    result: Reconstruction, scene: Scene, measure: str, options: TraceOptions, device: Device | None = None
+) -> tuple[ErrorPart, ...]:
+    """The parts of a result's height error against the scene's true mirror, in the order of the measurement.
+
+    measure: name of measures.MEASURES that the result is by. options: that its images were traced with. device: for
+    the part of float rounding, which is told apart for the adjoint estimator in single precision, on a device that has
+    double precision too; otherwise it is part of the ray noise. Pixels without light in closed form have a part of
+    their own, where there are any.
+    """
+    free = measure_by(measure, trace(scene, estimator=ANALYTIC).images(LineScan(scene)), scene.nominal())
+    known = result.mask & free.mask
+    surface = Surface.of(scene.mirror)
+    truth = surface.deviation_at(result.x_mm, result.y_mm)[0]
+    rounding = _rounding(result, scene, options, device)
+    if result.updates_nm:
+        slopes, heights = _refined(result, free, surface, truth)
+    else:
+        slopes, heights = _stages(result, free, scene, surface), {}
+    if rounding is not None:
+        slopes["ray noise"] = slopes["ray noise"] - rounding
+        slopes = {"ray noise": slopes.pop("ray noise"), "float rounding": rounding, **slopes}
+    slopes = {name: np.where(known, np.nan_to_num(part), 0.0) for name, part in slopes.items()}
+    integrated = {name: _integrate(result, part) for name, part in slopes.items()}
+    if not result.updates_nm:
+        own = np.where(known, np.nan_to_num(np.stack(surface.deviation_at(result.x_mm, result.y_mm)[1:])), 0.0)
+        heights = {"integration": _integrate(result, own) - np.where(known, truth, 0.0)}
+    elif rounding is not None:
+        heights["ray noise"] = heights["ray noise"] - integrated["float rounding"]
+    heights = {name: np.where(known, height, 0.0) for name, height in (integrated | heights).items()}
+    if not known[result.mask].all():
+        heights["pixels without a closed form"] = result.deviation_mm - truth - sum(heights.values())
+    return tuple(_part(result, name, slopes.get(name), height) for name, height in heights.items())
+
+
+def _stages(result: Reconstruction, free: Reconstruction, scene: Scene, surface: Surface) -> dict[str, np.ndarray]:
+    """Slope maps [2, rows, columns] of the stages' errors, of a result that was not refined."""
+    design, x, y = calibrate(scene.nominal()), result.x_mm, result.y_mm
+    true_height = surface.sag(x, y)
+    own = np.stack(triangulated(design, x, y, design.surface.sag(x, y), *design_points(design)[2:]))
+
+    def measured(z_mm, u_mm, v_mm) -> np.ndarray:  # what the measurement makes of centroids, given the height
+        return _averaged(result, np.stack(triangulated(design, x, y, z_mm, u_mm, v_mm)) - own)
+
+    light = pixel_light(scene)
+    means = np.full((2, result.mask.size), np.nan)
+    means[:, light.pixels] = light.means("uv")
+    means = means.reshape(2, *result.mask.shape)
+    by_curves = measured(true_height, free.centroid_x_mm, free.centroid_y_mm)
+    by_light = measured(true_height, *means)
+    found = np.stack([free.slope_x, free.slope_y]) - np.stack(design.surface.gradient(x, y))
+    pixels = by_light - np.stack(surface.deviation_at(x, y)[1:])
+    whole = design.footprint.coverage > WHOLE
+    return {
+        "ray noise": np.stack([result.slope_x - free.slope_x, result.slope_y - free.slope_y]),
+        "line sampling": by_curves - by_light,
+        "height coupling": found - by_curves,
+        "pixel averaging": np.where(whole, pixels, 0.0),
+        "edge pixels": np.where(whole, 0.0, pixels),
+    }
+
+
+def _refined(result: Reconstruction, free: Reconstruction, surface: Surface, truth: np.ndarray):
+    """Slope and height maps of a refined result, which is no longer a sum over stages."""
+    true_slopes = surface.gradient(result.x_mm, result.y_mm)
+    slopes = {
+        "ray noise": np.stack([result.slope_x - free.slope_x, result.slope_y - free.slope_y]),
+        "left by refinement": np.stack([free.slope_x - true_slopes[0], free.slope_y - true_slopes[1]]),
+    }
+    heights = {"ray noise": result.deviation_mm - free.deviation_mm, "left by refinement": free.deviation_mm - truth}
+    return slopes, heights
+
+
+def _rounding(
+    result: Reconstruction, scene: Scene, options: TraceOptions, device: Device | None
+) -> np.ndarray | None:
+    """Slopes [2, rows, columns] in single less those in double precision, of the same rays; None where not told."""
+    if options.estimator != "adjoint" or options.precision != "fp32" or device is None or not device.has_fp64:
+        return None
+    design = calibrate(scene.nominal())
+    slopes = []
+    for precision in ("fp32", "fp64"):
+        run = trace(scene, device=device, precision=precision, sampler=options.sampler, seed=options.seed,
+                    smoothing=True, rays_per_pixel=ROUNDING_RAYS, replicates=1)  # fmt: skip
+        stack, landing = run.images(LineScan(scene)), np.full((2, result.mask.size), np.nan)
+        for on_grid, scan in zip(landing, (stack.x, stack.y), strict=True):
+            on_grid[scan.pixels] = centroids(scan, scan.mean_w())
+        landing = landing.reshape(2, *result.mask.shape)
+        slopes.append(np.stack(triangulated(design, result.x_mm, result.y_mm, result.height_mm, *landing)))
+    return _averaged(result, slopes[0] - slopes[1])
+
+
+def rounding_height_nm(result: Reconstruction, scene: Scene, options: TraceOptions, device: Device) -> float:
+    """Rms height error of rounding, piston and tilt removed, as error_parts tells it; 0 where it is not told."""
+    slopes = _rounding(result, scene, options, device)
+    if slopes is None:
+        return 0.0
+    return _part(result, "float rounding", None, _integrate(result, np.where(result.mask, slopes, 0.0))).height_nm
+
+
+def _averaged(result: Reconstruction, slopes: np.ndarray) -> np.ndarray:
+    return slopes if result.pixel_average else without_pixel_average(slopes, result.mask)
+
+
+def _integrate(result: Reconstruction, slopes: np.ndarray) -> np.ndarray:
+    return integrate_slopes(result.x_mm, result.y_mm, *slopes, result.mask, result.method)
+
+
+def _part(result: Reconstruction, name: str, slopes: np.ndarray | None, height: np.ndarray) -> ErrorPart:
+    height = remove_terms(result.x_mm, result.y_mm, height, result.mask, "piston_tilt")
+    known = slopes if slopes is not None else np.full((2, *result.mask.shape), np.nan)
+    slope = tuple(float(np.sqrt(np.mean(s[result.mask] ** 2)) * 1e6) for s in known)
+    return ErrorPart(name, slope, rms(height, result.mask) * 1e6, height)

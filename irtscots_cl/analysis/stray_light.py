@@ -1,0 +1,50 @@
+"""What ghosts and scattered light do to a measurement: the same rays measured with them and without."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.low_order import remove_terms, rms
+from irtscots_cl.maths.statistics import Estimate, jackknife_error
+from irtscots_cl.measurement.methods import measure_by
+from irtscots_cl.tracing.results.paths import KINDS, PathLight
+
+
+@dataclass(frozen=True)
+class StrayLight:
+    """Light of one kind of paths: its share of the direct light, and the height that it adds.
+
+    height_nm: rms over the pixels that can be used with it and without, piston and tilt removed; its standard error by
+    the jackknife. lost_pixels: whose light curves are refused because of it. height_mm: the map [rows, columns], NaN
+    where there is none.
+    """
+
+    kind: str
+    of_direct: float
+    height_nm: Estimate
+    lost_pixels: int
+    height_mm: np.ndarray = field(repr=False)
+
+
+def stray_light(light: PathLight, measure: str = "paper") -> tuple[StrayLight, ...]:
+    """The effect of every kind of paths that brings light, but the direct one.
+
+    Both measurements come from the same rays, so that their noise nearly cancels. Raises as measure_by does.
+    """
+    pattern, nominal = LineScan(light.scene), light.scene.nominal()
+    flux = {kind: sum(path.flux_w for path in light.paths if path.kind == kind) for kind in KINDS}
+    alone, found = measure_by(measure, light.only("direct").images(pattern), nominal), []
+    for kind in KINDS[1:]:
+        if flux[kind] > 0:
+            both = measure_by(measure, light.only("direct", kind).images(pattern), nominal)
+            mask = alone.mask & both.mask
+            added = np.where(mask, both.estimates("deviation_mm") - alone.estimates("deviation_mm"), np.nan)
+            added = [remove_terms(alone.x_mm, alone.y_mm, height, mask, "piston_tilt") for height in added]
+            values = np.array([1e6 * rms(height, mask) for height in added])
+            height = Estimate(values[0], float(jackknife_error(values)))
+            lost = int(np.sum(alone.mask & ~both.mask))
+            found.append(StrayLight(kind, flux[kind] / flux["direct"], height, lost, added[0]))
+    return tuple(found)

@@ -1,0 +1,102 @@
+"""The file of a checkpoint: its format, its digests, how it is written whole."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+Facts = dict[str, str | int | float | bool]
+FORMAT = b"irtscots-cl checkpoint 1 "
+MAX_HEADER_BYTES = 2**14
+DIGEST_BYTES = 32
+HASHED = ("scene", "code", "inputs", "paths")  # facts that are too long to be told
+
+
+def digest_of(facts: Facts) -> str:
+    """A name for the facts: 32 hexadecimal digits."""
+    return hash_of(json.dumps(facts, sort_keys=True).encode())
+
+
+def hash_of(*pieces: bytes | np.ndarray) -> str:
+    """32 hexadecimal digits that tell these bytes from others; each piece with its length."""
+    digest = hashlib.blake2b(digest_size=16)
+    for piece in pieces:
+        data = piece if isinstance(piece, bytes) else np.ascontiguousarray(piece).tobytes()
+        digest.update(len(data).to_bytes(8, "little") + data)
+    return digest.hexdigest()
+
+
+def write_checkpoint(path: Path, header: bytes, arrays: list[np.ndarray]) -> None:
+    """Write the file beside its place, down to the disk, and move it there: always the old one or the new one is."""
+    line = FORMAT + hash_of(header).encode() + b" " + header + b"\n"
+    digest, new = digest_hash(line), new_path(path)
+    try:
+        with open(new, "wb") as file:
+            file.write(line)
+            for array in arrays:
+                if array.size:
+                    file.write(array)
+                    digest.update(array)
+            file.write(digest.digest())
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+    except OSError:
+        new.unlink(missing_ok=True)
+        raise
+    if os.name == "posix":  # so that the new name, too, is on the disk
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def new_path(path: Path) -> Path:
+    """Where a file is written before it takes its place: one name, so that killed processes leave one file at most."""
+    return path.with_name(path.name + ".new")
+
+
+def read_header(file: BinaryIO, path: Path) -> dict:
+    """The JSON of the first line; ValueError if the line is not as it was written."""
+    line = file.readline(MAX_HEADER_BYTES)
+    digest, _, text = line.removeprefix(FORMAT).removesuffix(b"\n").partition(b" ")
+    if not line.startswith(FORMAT) or not line.endswith(b"\n") or digest != hash_of(text).encode():
+        raise damaged(path)
+    try:
+        header = json.loads(text)
+    except (ValueError, RecursionError):
+        raise damaged(path) from None
+    if not isinstance(header, dict) or not isinstance(header.get("facts"), dict):
+        raise damaged(path)
+    return header
+
+
+def damaged(path: Path) -> ValueError:
+    return ValueError(f"{path}: damaged, or not a checkpoint of this version; must be deleted, to start anew")
+
+
+def differences(kept: dict, here: Facts) -> str:
+    """In words where two runs differ, "" where they do not; inputs follow from the rest and are named last."""
+    names = [name for name in {**here, **kept} if kept.get(name) != here.get(name)]
+    if len(names) > 1 and "inputs" in names:
+        names.remove("inputs")
+    words = []
+    for name in names:
+        values = (f"{kept.get(name, 'none')}"[:60], f"{here.get(name, 'none')}"[:60])
+        told = name not in HASHED and all(value.isprintable() for value in values)
+        words.append(f"{name[:60]!a} = {values[0]}, here {values[1]}" if told else f"other {name[:60]!a}")
+    return "; ".join(words[:5]).replace("'", "")
+
+
+def digest_hash(data: bytes):
+    return hashlib.blake2b(data, digest_size=DIGEST_BYTES)
+
+
+def nbytes_of(arrays: list[np.ndarray]) -> int:
+    return sum(array.nbytes for array in arrays)

@@ -1,0 +1,1 @@
+"""Traces on the workers of a Dask cluster."""

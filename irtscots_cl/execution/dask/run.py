@@ -1,0 +1,231 @@
+"""One trace on a cluster, from its first task to its sums."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from irtscots_cl.execution.dask.cluster import Cluster
+from irtscots_cl.execution.dask.tasks import (
+    Part,
+    WorkerError,
+    add_up,
+    code_hash,
+    facts_of,
+    merged,
+    speed_of,
+    trace_part,
+)
+from irtscots_cl.execution.job import Work
+from irtscots_cl.execution.launch_plan import Place, plan_launches
+from irtscots_cl.opencl.device import DeviceError
+
+TASK_SECONDS = 4.0  # of a task: long beside what the scheduler does for it, short beside what a lost worker costs
+LEAST_TASK_SECONDS = 0.25  # near the end, when what is left is shared out
+SUM_BYTES_PER_SECOND = 1e7  # of a worker's sums: larger ones make longer tasks, so that the network keeps up
+SCHEDULER_SECONDS = 0.01  # of a task, for scheduler and client to keep up with: with many workers tasks get longer
+FAN_IN = 8  # sums that a worker adds up at a time
+TASKS_PER_THREAD = 2  # in flight, so that a worker need not wait for the next one
+TIMED_TASKS = 32  # whose speed is asked for
+MAX_RETRIES = 16  # of a sum that has to be traced again
+WAIT_SECONDS = 60.0  # for a worker, where there is none
+POLL_SECONDS = 1.0  # between looks at which workers there are
+
+
+def task_seconds(work: Work, threads: int) -> tuple[float, float]:
+    """How long a task with so many threads of workers should take: at least, near the end, and as a rule."""
+    bytes_of_sums, for_scheduler = 8 * sum(int(np.prod(s)) for s in work.sums_shapes), threads * SCHEDULER_SECONDS
+    rule = max(TASK_SECONDS, bytes_of_sums / SUM_BYTES_PER_SECOND, for_scheduler)
+    return max(LEAST_TASK_SECONDS, for_scheduler), rule
+
+
+class ClusterRun:
+    """One run of a work's rays: parts in flight, their partial sums, the replicates' totals.
+
+    sums: the result, as runner.run_rays has it. ran: address -> rays, tasks, seconds, kernels, device.
+    """
+
+    def __init__(self, cluster: Cluster, work: Work, rays: np.ndarray, progress, task_rays: int | None, kept, finished):
+        self._cluster, self._work, self._progress, self._task_rays = cluster, work, progress, task_rays
+        self._finished = finished
+        self._code, self._kind, self._wire, self._kept = code_hash(), type(work), work.wire(), kept
+        self.sums = tuple(np.zeros((len(rays), *shape), np.uint64) for shape in work.sums_shapes)
+        self._place, self._end = Place(), Place(len(rays))  # all before the place is in the sums
+        if kept is not None:
+            facts = cluster.call(facts_of, self._kind, self._wire)
+            self._place = kept.begin(facts, rays, work.streams, work.max_rays_per_item, self.sums)
+        self._total, self._speeds, self._again = int(rays.sum()) * work.streams, [], []
+        before = self._place.rays_before(rays, work.streams)
+        self._to_cut, self._left = self._total - before, []  # rays not yet cut into parts, not yet traced by replicate
+        for whole in (int(of_stream) * work.streams for of_stream in rays):
+            self._left.append(whole - min(before, whole))
+            before -= min(before, whole)
+        self._parts = self._cut(rays)
+        self._levels: list[list[list]] = [[] for _ in rays]  # of each replicate: sums of FAN_IN^level parts
+        self._out: dict[str, tuple[Any, Callable, tuple]] = {}  # key -> future, what then, with what
+        self._done, self._polled, self._seen, self._parts_out = SimpleQueue(), 0.0, time.monotonic(), 0
+        self._threads: dict[str, int] = {}
+        self._only: dict[str, set[str] | None] = {}  # key of a part's task -> the workers that may run it
+        self._complete, self._retries, self.ran = set(), 0, {}
+
+    def finish(self) -> None:
+        """Run to the end. Raises as Cluster says."""
+        if self._progress is not None and self._place != Place():
+            self._progress(self._total - sum(self._left), self._total)
+        while self._place != self._end:
+            if self._kept is not None and self._kept.ends:
+                self._kept.launched(self._place, self.kernel_seconds, lambda: None)
+            self._look_at_workers()
+            self._top_up()
+            try:
+                key = self._done.get(timeout=POLL_SECONDS)
+            except Empty:
+                continue
+            if key in self._out:
+                future, then, arguments = self._out.pop(key)
+                then(future, *arguments)
+        if self._kept is not None:
+            self._kept.ended(self._place, self.kernel_seconds)
+
+    @property
+    def kernel_seconds(self) -> float:
+        """Mean over the workers."""
+        return sum(of_one["kernels"] for of_one in self.ran.values()) / max(1, len(self.ran))
+
+    def cancel(self) -> None:
+        """Take back what has not run."""
+        futures = [future for future, _, _ in self._out.values()]
+        if futures and self._cluster.client.status == "running":
+            self._cluster.client.cancel(futures)
+
+    # parts of the rays
+
+    def _cut(self, rays: np.ndarray):
+        streams, per_item, start = self._work.streams, self._work.max_rays_per_item, self._place
+        for replicate in range(start.replicate, len(rays)):
+            for part in plan_launches(streams, int(rays[replicate]), self._next_rays, per_item, start):
+                self._to_cut -= part[1] * part[3]
+                yield replicate, part
+            start = Place()
+
+    def _next_rays(self) -> int:
+        """Rays of the next part: some seconds' worth, less near the end, little before a speed is known."""
+        if self._task_rays is not None:
+            return self._task_rays
+        share = self._to_cut // (TASKS_PER_THREAD * max(1, sum(self._threads.values()))) + 1
+        if not self._speeds:
+            return min(self._work.first_launch_rays, share)
+        speed, (least, most) = median(self._speeds), task_seconds(self._work, sum(self._threads.values()))
+        return int(min(speed * most, max(share, speed * least))) + 1
+
+    def _top_up(self) -> None:
+        threads = sum(self._threads.values())
+        most = threads * (TASKS_PER_THREAD if self._speeds else 1)
+        while self._parts_out < most:
+            entry = self._again.pop() if self._again else next(self._parts, None)
+            if entry is None:
+                return
+            replicate, part = entry
+            only = set(self._threads) if self._cluster.failed else None
+            future = self._cluster.submit(trace_part, self._code, self._kind, self._wire, replicate, part, only=only)
+            self._parts_out += 1
+            self._watch(future, self._traced, replicate, part)
+            self._only[future.key] = only
+
+    def _watch(self, future, then: Callable, *arguments: Any) -> None:
+        self._out[future.key] = future, then, arguments
+        future.add_done_callback(lambda done: self._done.put(done.key))
+
+    def _traced(self, future, replicate: int, part: Part) -> None:
+        self._parts_out -= 1
+        del self._only[future.key]
+        if not self._is_well(future):
+            self._again.append((replicate, part))
+            return
+        if len(self._speeds) < TIMED_TASKS and self._task_rays is None:
+            self._watch(self._cluster.client.submit(speed_of, future, pure=False, priority=2), self._timed)
+        self._left[replicate] -= part[1] * part[3]
+        if self._progress is not None:
+            self._progress(self._total - sum(self._left), self._total)
+        self._add(replicate, 0, future)
+        if not self._left[replicate]:
+            rest = [of_level for level in self._levels[replicate] for of_level in level]
+            self._levels[replicate] = []
+            total = self._cluster.client.submit(add_up, *rest, pure=False, priority=1) if len(rest) > 1 else rest[0]
+            self._watch(total, self._totalled, replicate)
+
+    def _add(self, replicate: int, level: int, future) -> None:
+        """A partial sum more; full levels are added up at once, before further parts are traced."""
+        levels = self._levels[replicate]
+        if level == len(levels):
+            levels.append([])
+        levels[level].append(future)
+        if len(levels[level]) == FAN_IN:
+            full, levels[level] = levels[level], []
+            self._add(replicate, level + 1, self._cluster.client.submit(add_up, *full, pure=False, priority=1))
+
+    def _timed(self, future) -> None:
+        if future.status == "finished":
+            self._speeds.append(future.result())
+
+    def _totalled(self, future, replicate: int) -> None:
+        if not self._is_well(future):  # what a lost worker had was traced again, on one that failed: once more
+            self._retries += 1
+            if self._retries > MAX_RETRIES:
+                raise DeviceError(f"--dask: {future.exception().line}, {MAX_RETRIES} times after workers were lost")
+            self._cluster.client.retry([future])
+            self._watch(future, self._totalled, replicate)
+            return
+        found = self._cluster.client.gather(future, direct=True)
+        for all_of, array in zip(self.sums, found["sums"], strict=True):
+            all_of[replicate] += array
+        self.ran = merged(self.ran, found["ran"])
+        self._complete.add(replicate)
+        while self._place.replicate in self._complete:
+            self._place = Place(self._place.replicate + 1)
+            if self._finished is not None and self._place != self._end:
+                self._finished(tuple(array[: self._place.replicate] for array in self.sums))
+        if self._kept is not None and self._place != self._end:
+            self._kept.launched(self._place, self.kernel_seconds, lambda: None)
+
+    # what goes wrong
+
+    def _is_well(self, future) -> bool:
+        """Whether a future has a result; False if its worker failed and is left out. Raises what is worse."""
+        if future.status == "finished":
+            return True
+        if future.status != "error":
+            raise self._cluster.lost()
+        error = future.exception()
+        if isinstance(error, WorkerError):
+            self._cluster.leave_out(error)
+            self._polled = 0.0
+            return False
+        if type(error).__name__ == "KilledWorker":
+            reason = str(error).splitlines()[0]
+            raise DeviceError(f"--dask: workers died one after the other at the same task: {reason}")
+        raise error
+
+    def _look_at_workers(self) -> None:
+        """Every POLL_SECONDS: which workers are there; DeviceError where none was for WAIT_SECONDS."""
+        now = time.monotonic()
+        if now - self._polled < POLL_SECONDS:
+            return
+        self._threads, self._polled = self._cluster.usable(), now
+        for key, only in list(self._only.items()):
+            if only is not None and only.isdisjoint(self._threads):  # would wait for workers that are gone
+                future, _, entry = self._out.pop(key)
+                self._cluster.client.cancel(future)
+                del self._only[key]
+                self._parts_out -= 1
+                self._again.append(entry)
+        if self._threads:
+            self._seen = now
+        elif now - self._seen > WAIT_SECONDS:
+            raise DeviceError(f"--dask: no worker for {WAIT_SECONDS:g} s")

@@ -1,0 +1,159 @@
+"""Many devices of a machine share the rays of a trace as their speeds allow."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from irtscots_cl.execution.job import Job
+from irtscots_cl.execution.launch_plan import Pace
+from irtscots_cl.opencl.device import Device, DeviceError, describe_together, differing
+
+SHARE = 0.5  # of what would be a device's due, taken at a time: what is left evens out what speeds did not tell
+LEAST_SECONDS = 0.02  # of a launch, however little is left
+log = logging.getLogger(__name__)
+
+
+class together:  # noqa: N801  used as a function: `with together(devices, build) as (job, facts):`
+    """One job of all the devices that can build it, and a function that gives the facts of those that take part.
+
+    A device that cannot is left out, and the log says so; DeviceError if none can.
+    """
+
+    def __init__(self, devices: Sequence[Device], build: Callable[[Device], Job]):
+        self._crew: Crew | None = None
+        if len(devices) == 1:
+            self._job, self._facts = build(devices[0]), devices[0].describe
+            return
+        members = []
+        for device in devices:
+            try:
+                members.append(Member(device, build(device)))
+            except DeviceError as error:
+                log.warning("left out: %s", error)
+                last = error
+        if not members:
+            raise last
+        self._job = self._crew = Crew(members)
+        self._facts = self._crew.describe
+
+    def __enter__(self) -> tuple[Job, Callable[[], dict[str, object]]]:
+        return self._job, self._facts
+
+    def __exit__(self, *_) -> None:
+        if self._crew is not None:
+            self._crew.close()
+
+
+@dataclass
+class Member:
+    """A device of a crew with its job. done: replicate and part of the launches since its sums were last taken."""
+
+    device: Device
+    job: Job
+    done: list[tuple[int, tuple[int, int, int, int]]] = field(default_factory=list)
+
+
+class Crew:
+    """Jobs of the same work on several devices, as one runner.Job.
+
+    Each launch is shared: a thread per device takes pieces of it, larger ones on faster devices, until all is done.
+    Every device adds up its own sums; sums() takes and adds them. A device that fails is left out, and the log says so:
+    what it launched since its sums were last taken is launched again on the others. DeviceError when all have failed.
+    """
+
+    def __init__(self, members: Sequence[Member]):
+        self._members, first = list(members), members[0].job
+        self.streams, self.max_rays_per_item = first.streams, first.max_rays_per_item
+        self.first_launch_rays = sum(member.job.first_launch_rays for member in members)
+        self.pace, self.facts = Pace(), differing([member.job.facts for member in members])
+        self._taken: tuple[np.ndarray, ...] | None = None  # sums of what is no longer on the devices
+        self._todo: list[tuple[int, tuple[int, int, int, int]]] = []
+        self._lock, self._pool = threading.Lock(), ThreadPoolExecutor(len(members))
+
+    def close(self) -> None:
+        self._pool.shutdown()
+
+    def describe(self) -> dict[str, object]:
+        """The facts of the devices that have not failed."""
+        return describe_together([member.device.describe() for member in self._members])
+
+    def clear(self) -> None:
+        self._taken = None
+        for member in list(self._members):
+            member.done.clear()
+            self._clear(member)
+
+    def launch(self, replicate: int, part: tuple[int, int, int, int]) -> None:
+        started = time.perf_counter()
+        self._share((replicate, part))
+        self.pace.launched(part[1] * part[3], time.perf_counter() - started)
+
+    def sums(self) -> tuple[np.ndarray, ...]:
+        for member in list(self._members):
+            try:
+                sums = member.job.sums()
+            except DeviceError as error:
+                self._lose(member, error)
+                continue
+            self._taken = sums if self._taken is None else tuple(a + b for a, b in zip(self._taken, sums, strict=True))
+            member.done.clear()
+            self._clear(member)
+        if self._todo:  # of a device that failed just now
+            self._share()
+            return self.sums()
+        return tuple(array.copy() for array in self._taken)
+
+    def _clear(self, member: Member) -> None:
+        try:
+            member.job.clear()
+        except DeviceError as error:
+            self._lose(member, error)
+
+    def _share(self, *todo: tuple[int, tuple[int, int, int, int]]) -> None:
+        """Launch these parts and what else is to be done."""
+        self._todo += todo
+        try:
+            while self._todo:  # again where a device failed when the others had come to an end
+                list(self._pool.map(self._work, list(self._members)))
+        except BaseException:
+            self._todo.clear()  # so that the threads come to an end
+            raise
+
+    def _work(self, member: Member) -> None:
+        """Launch pieces on a device while there are any."""
+        while (piece := self._take(member)) is not None:
+            member.done.append(piece)
+            try:
+                member.job.launch(*piece)
+            except DeviceError as error:
+                self._lose(member, error)
+                return
+
+    def _take(self, member: Member) -> tuple[int, tuple[int, int, int, int]] | None:
+        """The next piece of what is to be done, of a size for this device."""
+        with self._lock:
+            if not self._todo:
+                return None
+            replicate, (stream, streams, ray, rays) = self._todo.pop()
+            speeds = [m.job.pace.rays_per_second for m in self._members]
+            own = member.job.pace.rays_per_second
+            due = own / sum(speeds) if all(speeds) else 1 / len(speeds)
+            count = max(1, int(streams * due * SHARE), int(own * LEAST_SECONDS / rays))
+            if count < streams:
+                self._todo.append((replicate, (stream + count, streams - count, ray, rays)))
+            return replicate, (stream, min(count, streams), ray, rays)
+
+    def _lose(self, member: Member, error: DeviceError) -> None:
+        with self._lock:
+            self._members.remove(member)
+            if not self._members:
+                raise error
+            log.warning("left out: %s; its rays are traced again by %d other device(s)", error, len(self._members))
+            self._todo += member.done

@@ -1,0 +1,115 @@
+"""How a trace is cut into launches, and how large these are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+MAX_RAYS_PER_ITEM = 2**18  # of one work-item: amortises its tile, and keeps every 32-bit tile bin below 2^32
+FIRST_LAUNCH_RAYS = 2**24  # before a launch has been timed
+LAUNCH_SECONDS = 0.4  # aimed at, so that progress and interruption stay responsive
+
+
+def share_rays(rays_per_pixel: int, replicates: int) -> np.ndarray:
+    """Rays per stream of each replicate [replicates], as equal as whole numbers allow."""
+    if not 1 <= replicates <= 1024:
+        raise ValueError(f"--replicates = {replicates}: must be 1 to 1024")
+    if not replicates <= rays_per_pixel <= 2**40:
+        most = f"must be at least the {replicates} replicates and at most 2^40"
+        raise ValueError(f"--rays-per-pixel = {rays_per_pixel}: {most}")
+    rays = np.full(replicates, rays_per_pixel // replicates, dtype=np.int64)
+    rays[: rays_per_pixel % replicates] += 1
+    return rays
+
+
+class Place(NamedTuple):
+    """Where a trace goes on: all before, in the order of plan_launches, is traced.
+
+    first_ray: of a block of rays of all streams. block_rays: of each stream in it; 0 where first_stream is 0.
+    """
+
+    replicate: int = 0
+    first_ray: int = 0
+    block_rays: int = 0
+    first_stream: int = 0
+
+    def after(self, part: tuple[int, int, int, int], streams: int, rays: int) -> Place:
+        """The place after a part of this place's replicate, which has so many rays per stream."""
+        first_stream, count, first_ray, block_rays = part
+        if first_stream + count < streams:
+            return Place(self.replicate, first_ray, block_rays, first_stream + count)
+        if first_ray + block_rays < rays:
+            return Place(self.replicate, first_ray + block_rays)
+        return Place(self.replicate + 1)
+
+    def rays_before(self, rays: np.ndarray, streams: int) -> int:
+        """Of all streams; rays: [replicates] per stream."""
+        whole = int(rays[: self.replicate].sum()) + self.first_ray
+        return whole * streams + self.first_stream * self.block_rays
+
+    def check(self, rays: np.ndarray, streams: int, per_item: int) -> None:
+        """ValueError if no trace of rays [replicates] per stream comes by here."""
+        if not all(type(n) is int for n in self) or not 0 <= self.replicate <= len(rays):
+            raise ValueError("place")
+        left = (int(rays[self.replicate]) if self.replicate < len(rays) else 1) - self.first_ray
+        block = 0 < self.block_rays <= left and (self.block_rays % per_item == 0 or self.block_rays == left)
+        in_block = block if self.first_stream else self.block_rays == 0
+        fits = self.first_ray >= 0 and left > 0 and self.first_ray % per_item == 0 and in_block
+        at_end = self.replicate < len(rays) or self == Place(len(rays))
+        if not (fits and at_end and 0 <= self.first_stream < streams):
+            raise ValueError("place")
+
+
+def plan_launches(
+    streams: int,
+    rays: int,
+    launch_rays: Callable[[], int],
+    per_item: int = MAX_RAYS_PER_ITEM,
+    start: Place = Place(),  # noqa: B008  a tuple
+) -> Iterator[tuple[int, int, int, int]]:
+    """Cut streams x rays into launches of about launch_rays() rays: (first stream, streams, first ray, rays).
+
+    Every launch begins at a multiple of per_item, the rays of a work-item: whole blocks. start: in this replicate.
+    """
+    _, first_ray, per_stream, first_stream = start
+    while first_ray < rays:
+        if not first_stream:
+            items = max(1, launch_rays() // streams // per_item)
+            per_stream = min(rays - first_ray, items * per_item)
+        while first_stream < streams:
+            count = min(streams - first_stream, max(1, launch_rays() // per_stream))
+            yield first_stream, count, first_ray, per_stream
+            first_stream += count
+        first_stream, first_ray = 0, first_ray + per_stream
+
+
+def cut_part(
+    part: tuple[int, int, int, int], launch_rays: Callable[[], int], per_item: int
+) -> Iterator[tuple[int, int, int, int]]:
+    """Cut a part, as plan_launches gives it, into launches of about launch_rays() rays."""
+    first_stream, streams, first_ray, rays = part
+    for stream, count, ray, of_stream in plan_launches(streams, rays, launch_rays, per_item):
+        yield first_stream + stream, count, first_ray + ray, of_stream
+
+
+class Pace:
+    """Rays per second of the launches so far, and the seconds spent in kernels."""
+
+    def __init__(self):
+        self.kernel_seconds, self._rays_per_second = 0.0, 0.0
+
+    def launched(self, rays: int, seconds: float) -> None:
+        self.kernel_seconds += seconds
+        if rays:
+            self._rays_per_second = max(rays / max(seconds, 1e-6), 1e6)
+
+    @property
+    def rays_per_second(self) -> float:
+        """Of the last launch; 0 before any was timed."""
+        return self._rays_per_second
+
+    def launch_rays(self, first: int = FIRST_LAUNCH_RAYS) -> int:
+        """Rays of the next launch; `first` before any was timed."""
+        return int(self._rays_per_second * LAUNCH_SECONDS) or first

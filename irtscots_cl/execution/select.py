@@ -1,0 +1,21 @@
+"""The executor of what a caller gives: devices, or a Dask client."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from irtscots_cl.execution.dask.cluster import Cluster
+from irtscots_cl.execution.job import Site
+from irtscots_cl.execution.local import Devices
+from irtscots_cl.opencl.device import Device, select_devices
+
+
+def site_of(device: Device | Sequence[Device] | None, client=None) -> Site:
+    """Where to trace: the workers of a distributed.Client or of a Cluster, these devices, or those selected."""
+    if client is not None:
+        if device is not None:
+            raise ValueError("device: must be left out with a client; its workers choose theirs by IRTSCOTS_DEVICE")
+        return client if isinstance(client, Cluster) else Cluster(client)
+    if device is None:
+        return Devices(select_devices())
+    return Devices([device] if isinstance(device, Device) else device)

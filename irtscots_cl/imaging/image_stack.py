@@ -1,0 +1,142 @@
+"""Image stacks: what the camera records while the screen shows a scan's lines one after the other. Flux in W.
+
+A detector pixel is lit by a few neighbouring lines only, so a scan is kept as one short light curve per pixel; whole
+images are made from them on demand. Replicates (independent parts of a simulation, or repeated exposures of a lab)
+are kept apart for error bars.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from irtscots_cl.maths.statistics import jackknife_error
+
+MAX_VALUE = 1e100  # of images and positions from elsewhere: squares of sums of them are finite
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Line images of one scan direction ("x": columns of screen pixels, "y": rows). n: pixels with a light curve.
+
+    positions_mm: [lines] the line centres in the screen's own x (or y). shape: detector (rows, columns).
+    pixels: [n] flat pixel numbers row * columns + column. first_line: [n] the light curves' first line.
+    flux_w: [replicates, n, window] flux; outside its window a pixel is dark. weights: [replicates] share of each
+    replicate in the mean (rays, exposures). hits: [n] independent random rays behind the whole light curve; NaN where
+    there is no such number: other samplers, lab images. saturation_w: where the camera's pixels saturate; infinite for
+    a simulation.
+    """
+
+    axis: str
+    positions_mm: np.ndarray
+    shape: tuple[int, int]
+    pixels: np.ndarray
+    first_line: np.ndarray
+    flux_w: np.ndarray = field(repr=False)
+    weights: np.ndarray
+    hits: np.ndarray = field(repr=False)
+    saturation_w: float = math.inf
+
+    @property
+    def lines(self) -> np.ndarray:
+        """Line numbers [n, window] of the light curves' samples."""
+        return self.first_line[:, None] + np.arange(self.flux_w.shape[-1])
+
+    def mean_w(self) -> np.ndarray:
+        """Light curves [n, window], the mean over the replicates."""
+        return np.tensordot(self.weights / self.weights.sum(), self.flux_w, 1)
+
+    def jackknife_w(self) -> np.ndarray:
+        """Light curves [1 + replicates, n, window]: the mean, then the means with one replicate left out in turn.
+
+        A single replicate gives the mean alone: there is nothing to leave out.
+        """
+        replicates = len(self.weights)
+        if replicates == 1:
+            return self.flux_w.copy()
+        weighted = self.flux_w * self.weights[:, None, None]
+        total = weighted.sum(0)
+        left = (total - weighted) / (self.weights.sum() - self.weights)[:, None, None]
+        # what was dark in every other replicate is dark: no rounding of total - weighted
+        return np.concatenate([total[None] / self.weights.sum(), np.maximum(left, 0.0)])
+
+    def standard_error_w(self) -> np.ndarray:
+        """Standard error [n, window] of mean_w() from the scatter of the replicates; NaN for a single one."""
+        return jackknife_error(self.jackknife_w())
+
+    def image(self, line: int, values: np.ndarray | None = None) -> np.ndarray:
+        """Camera image [rows, columns] under one line: of mean_w(), or of other values [n, window]."""
+        values = self.mean_w() if values is None else values
+        offset = line - self.first_line
+        lit = (offset >= 0) & (offset < values.shape[1])
+        image = np.zeros(self.shape[0] * self.shape[1])
+        image[self.pixels[lit]] = values[lit, offset[lit]]
+        return image.reshape(self.shape)
+
+    def replicate(self, number: int) -> Scan:
+        """The scan of one replicate alone; its independent rays are its share of all."""
+        share = self.weights[number] / self.weights.sum()
+        one = slice(number, number + 1)
+        return replace(self, flux_w=self.flux_w[one], weights=self.weights[one], hits=self.hits * share)
+
+    @classmethod
+    def from_images(cls, axis: str, positions_mm: np.ndarray, images_w: np.ndarray) -> Scan:
+        """A scan from whole images [lines, rows, columns] or [exposures, lines, rows, columns].
+
+        Raises ValueError for other shapes, positions that do not fit or do not grow, or values that are not finite.
+        """
+        check_shapes(axis, np.shape(positions_mm), np.shape(images_w))
+        images = np.asarray(images_w, float)
+        images = images[None] if images.ndim == 3 else images
+        positions = np.asarray(positions_mm, float)
+        for values in (images, positions):
+            if not (np.isfinite(values).all() and max(values.max(), -values.min()) <= MAX_VALUE):
+                must = f"that are not finite or beyond {MAX_VALUE:g}"
+                raise ValueError(f"images or line positions of the {axis} scan hold values {must}")
+        if not (np.diff(positions) > 0).all():
+            raise ValueError(f"the line positions of the {axis} scan must grow from line to line")
+        count = images.shape[2] * images.shape[3]
+        return cls(
+            axis,
+            positions,
+            images.shape[2:],
+            np.arange(count),
+            np.zeros(count, np.int64),
+            images.reshape(*images.shape[:2], count).transpose(0, 2, 1),
+            np.ones(len(images)),
+            np.full(count, np.nan),
+        )
+
+
+def check_shapes(axis: str, positions: tuple[int, ...], images: tuple[int, ...]) -> None:
+    """Refuse, with a ValueError, shapes that Scan.from_images cannot use."""
+    if len(images) not in (3, 4) or 0 in images:
+        raise ValueError(
+            f"images of the {axis} scan have shape {images}; "
+            "must be [lines, rows, columns] or [exposures, lines, rows, columns]"
+        )
+    if positions != images[-3:-2]:
+        raise ValueError(f"the {axis} scan has {images[-3]} images but line positions of shape {positions}")
+
+
+@dataclass(frozen=True)
+class ImageStack:
+    """The two scans of a measurement."""
+
+    x: Scan
+    y: Scan
+
+    def replicate(self, number: int) -> ImageStack:
+        """The images of one replicate alone."""
+        return ImageStack(self.x.replicate(number), self.y.replicate(number))
+
+    def saturating_at(self, saturation_w: float) -> ImageStack:
+        """The same images of a camera whose pixels saturate at that value, in the images' own unit.
+
+        Raises ValueError for a value that is not above 0.
+        """
+        if not saturation_w > 0:
+            raise ValueError(f"--saturation = {saturation_w}: must be above 0")
+        return ImageStack(*(replace(scan, saturation_w=saturation_w) for scan in (self.x, self.y)))

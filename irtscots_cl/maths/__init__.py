@@ -1,0 +1,1 @@
+"""Frames, quadrics, Zernike polynomials, slopes to heights, error bars."""

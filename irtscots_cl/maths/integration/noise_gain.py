@@ -1,0 +1,43 @@
+"""How much height noise a method makes of white slope noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from irtscots_cl.maths.integration.methods import integrate_slopes
+from irtscots_cl.maths.low_order import remove_terms, rms
+
+DRAWS = 64
+_AT_ONCE = 8  # maps, to bound memory
+
+
+@dataclass(frozen=True)
+class NoiseGain:
+    """Rms height error, piston and tilt removed, of white slope noise [nm per urad], and its standard error."""
+
+    nm_per_urad: float
+    standard_error: float
+
+
+def noise_gain(
+    x_mm: ArrayLike, y_mm: ArrayLike, mask: ArrayLike, method: str = "southwell", draws: int = DRAWS, seed: int = 0
+) -> NoiseGain:
+    """Noise gain of ``method`` on these nodes, from ``draws`` maps of Gaussian noise.
+
+    The noise of dz/dx and of dz/dy is independent, from node to node too, and 1 urad rms each. Over all nodes of the
+    mask, piston and tilt are removed once, not island by island. Positions [rows, columns] and mask as
+    `integrate_slopes`, which says what is refused; ValueError too for fewer than 2 draws or 3 nodes.
+    """
+    if draws < 2:
+        raise ValueError(f"draws = {draws}: must be at least 2, for a standard error")
+    x_mm, y_mm, mask = np.asarray(x_mm), np.asarray(y_mm), np.asarray(mask)
+    random, squares = np.random.default_rng(seed), []
+    while len(squares) < draws:
+        slopes = random.standard_normal((2, min(_AT_ONCE, draws - len(squares)), *mask.shape))
+        for height in integrate_slopes(x_mm, y_mm, *slopes, mask, method):
+            squares.append(rms(remove_terms(x_mm, y_mm, height, mask, "piston_tilt"), mask) ** 2)
+    gain = np.sqrt(np.mean(squares))  # mm per rad is nm per urad
+    return NoiseGain(float(gain), float(np.std(squares, ddof=1) / np.sqrt(draws) / (2 * gain)))

@@ -1,0 +1,1 @@
+"""Zernike polynomials on the unit disk."""

@@ -1,0 +1,158 @@
+"""Sums of Zernike terms as the tables that kernels evaluate, and their float64 twin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from irtscots_cl.maths.zernike.indices import checked_nm
+from irtscots_cl.maths.zernike.polynomials import broadcast_points, normalisation, recurrence
+
+# A sample computed as (cos a, sin a) may land a few ulp outside the disk; it is still a sample on the rim.
+_AT_ONCE = 2**13  # points of a series: a dozen arrays of them stay in the cache
+
+
+@dataclass(frozen=True, eq=False)
+class RadialSeries:
+    """Tables of W = sum over m of Re[conj(a_m(t)) zeta^m], a_m = sum_k (cosine_k + i sine_k) P_k^(0,m)(t).
+
+    zeta = x + i y and t = 2 (x^2 + y^2) - 1 on the unit disk. One row per azimuthal order present, ascending.
+    Row r owns the entries ``offset[r]`` to ``offset[r] + count[r] - 1`` of the flat tables, k from 0.
+    ``cosine`` and ``sine`` include Noll's normalisation and carry the unit of the coefficients that went in.
+
+    The recurrence is P_{k+1} = (alpha[k] t + beta[k]) P_k + gamma[k] P_{k-1} with P_0 = 1 and gamma[0] = 0.
+    Clenshaw runs b_k = c_k + (alpha[k] t + beta[k]) b_{k+1} + gamma[k+1] b_{k+2} down to the sum b_0. Step
+    k = count - 1 is b_k = c_k: it must not read gamma[k+1], which is another row's entry or past the end.
+    """
+
+    m: NDArray[np.int32]
+    count: NDArray[np.int32]
+    offset: NDArray[np.int32]
+    cosine: NDArray[np.float64]
+    sine: NDArray[np.float64]
+    alpha: NDArray[np.float64]
+    beta: NDArray[np.float64]
+    gamma: NDArray[np.float64]
+
+
+def radial_series(terms: Mapping[tuple[int, int], float]) -> RadialSeries:
+    """Tables that evaluate the sum of ``terms``, a mapping {(n, m): coefficient of the Noll-normalised term}.
+
+    A term listed with coefficient 0 keeps its place in the tables; an empty mapping gives empty tables.
+    Raises ValueError for an invalid (n, m) or a coefficient that is not finite.
+    """
+    orders: dict[int, int] = {}
+    for (n, m), value in terms.items():
+        n, m = checked_nm(n, m)
+        if not math.isfinite(value):
+            raise ValueError(f"Zernike coefficient of (n, m) = ({n}, {m}) is not finite: {value}")
+        orders[abs(m)] = max(orders.get(abs(m), 0), (n - abs(m)) // 2 + 1)
+    rows = sorted(orders)
+    count = np.array([orders[m] for m in rows], dtype=np.int32)
+    offset = np.array([count[:row].sum() for row in range(len(rows))], dtype=np.int32)
+    start = dict(zip(rows, offset.tolist(), strict=True))
+    cosine, sine = np.zeros((2, int(count.sum())))
+    for (n, m), value in terms.items():
+        part = cosine if m >= 0 else sine
+        part[start[abs(m)] + (n - abs(m)) // 2] = value * normalisation(n, m)
+    steps = [recurrence(k, m) for m in rows for k in range(orders[m])]
+    alpha, beta, gamma = np.array(steps, dtype=np.float64).reshape(-1, 3).T.copy()
+    series = RadialSeries(np.array(rows, dtype=np.int32), count, offset, cosine, sine, alpha, beta, gamma)
+    for table in vars(series).values():
+        table.setflags(write=False)
+    return series
+
+
+@dataclass(frozen=True)
+class PowerRows:
+    """A `RadialSeries` as rows c(t) B for evaluation by Horner's rule: see kernels/mirror/zernike_power.cl.
+
+    order, sine, count: int32 [rows], azimuthal order m (ascending), 1 for the sine part, number of powers;
+    coefficient: float64 [sum of count], each row's powers of t from the highest down. loss: how much larger the powers'
+    coefficients are than the Jacobi series', the factor by which rounding errors grow; at most 1 where there is no row.
+    """
+
+    order: NDArray[np.int32]
+    sine: NDArray[np.int32]
+    count: NDArray[np.int32]
+    coefficient: NDArray[np.float64]
+    loss: float
+
+
+def power_rows(series: RadialSeries) -> PowerRows:
+    """Expand each part of a series that is not zero in powers of t.
+
+    On [-1, 1] the powers of t cancel each other: `loss` says by how much, little for few radial terms of low order.
+    """
+    rows, coefficients, loss = [], [], 1.0
+    for m, count, first in zip(series.m, series.count, series.offset, strict=True):
+        terms = slice(first, first + count)
+        for sine, part in enumerate((series.cosine[terms], series.sine[terms])):
+            used = np.flatnonzero(part)
+            if len(used) == 0:
+                continue
+            powers, before, now = np.zeros(1), np.zeros(1), np.ones(1)
+            for k in range(used[-1] + 1):
+                powers = np.polynomial.polynomial.polyadd(powers, part[k] * now)
+                step = [series.beta[terms][k], series.alpha[terms][k]]
+                following = np.polynomial.polynomial.polyadd(
+                    np.polynomial.polynomial.polymul(step, now), series.gamma[terms][k] * before
+                )
+                before, now = now, following
+            rows.append((m, sine, len(powers)))
+            coefficients.append(powers[::-1])
+            loss = max(loss, float(np.abs(powers).sum() / np.abs(part).sum()))
+    order, sine, count = np.array(rows, np.int32).reshape(-1, 3).T
+    return PowerRows(order, sine, count, np.concatenate([np.zeros(0), *coefficients]), loss)
+
+
+def evaluate_series(
+    series: RadialSeries, x: ArrayLike, y: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """W, dW/dx and dW/dy of a `RadialSeries` at unit-disk coordinates; the float64 twin of the device code.
+
+    Each result has the broadcast shape of ``x`` and ``y``; the slopes are per unit-disk coordinate.
+    """
+    x, y = broadcast_points(x, y)
+    result = np.empty((3, x.size))
+    flat_x, flat_y = x.ravel(), y.ravel()
+    for first in range(0, x.size, _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        result[:, part] = _evaluate(series, flat_x[part], flat_y[part])
+    return tuple(result.reshape(3, *x.shape))
+
+
+def _evaluate(series: RadialSeries, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    zeta = x + 1j * y
+    value, slope_x, slope_y = np.zeros((3, *x.shape))
+    lower, power, reached = np.zeros_like(zeta), np.ones_like(zeta), 0
+    for row, m in enumerate(series.m.tolist()):
+        if m > reached:
+            lower = power * zeta ** (m - 1 - reached)
+            power, reached = lower * zeta, m
+        radial, radial_slope = _clenshaw(series, row, 2.0 * (x * x + y * y) - 1.0)
+        turning = m * np.conj(radial) * lower
+        stretching = 4.0 * (np.conj(radial_slope) * power).real
+        value = value + (np.conj(radial) * power).real
+        slope_x = slope_x + turning.real + x * stretching
+        slope_y = slope_y - turning.imag + y * stretching
+    return value, slope_x, slope_y
+
+
+def _clenshaw(
+    series: RadialSeries, row: int, t: NDArray[np.float64]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """a_m(t) and da_m/dt of one row, cosine part + i sine part."""
+    first, count = int(series.offset[row]), int(series.count[row])
+    last = first + count - 1
+    b1 = np.full(t.shape, series.cosine[last] + 1j * series.sine[last])
+    b2, d1, d2 = np.zeros((3, *t.shape), dtype=np.complex128)
+    for k in range(last - 1, first - 1, -1):
+        line = series.alpha[k] * t + series.beta[k]
+        d1, d2 = series.alpha[k] * b1 + line * d1 + series.gamma[k + 1] * d2, d1
+        b1, b2 = series.cosine[k] + 1j * series.sine[k] + line * b1 + series.gamma[k + 1] * b2, b1
+    return b1, d1

@@ -1,0 +1,1 @@
+"""MEASUREMENT: images and design to height. Never imports tracing, opencl, execution."""

@@ -1,0 +1,54 @@
+"""Ready-made ways to measure: from the paper's to the most exact one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.measurement.reconstruction import Reconstruction, reconstruct
+from irtscots_cl.measurement.refinement import refine
+from irtscots_cl.scene.model import Scene
+
+
+@dataclass(frozen=True)
+class Measure:
+    """light_curve, method, pixel_average: of `reconstruct`. rounds: of refinement, at most."""
+
+    light_curve: str = "centroid"
+    method: str = "southwell"
+    pixel_average: bool = True
+    rounds: int = 0
+
+
+MEASURES = {
+    "paper": Measure(),  # plain centroids and Southwell's integration, as the paper has them
+    "fine": Measure("chord", "cubic", pixel_average=False),
+    "refined": Measure("chord", "cubic", pixel_average=False, rounds=4),
+}
+
+
+def check_measure(name: str, threshold: float = 0.0) -> Measure:
+    """One of MEASURES by its name; ValueError for another, or one that cannot do with a threshold."""
+    if name not in MEASURES:
+        raise ValueError(f"--measure = {name!r}: must be one of {', '.join(MEASURES)}")
+    how = MEASURES[name]
+    if how.rounds and threshold > 0:
+        raise ValueError(
+            f"--threshold = {threshold}: --measure {name} needs whole light curves; must be 0, the background "
+            f"subtracted from the images, or another --measure"
+        )
+    return how
+
+
+def measure_by(name: str, stack: ImageStack, nominal: Scene, threshold: float = 0.0) -> Reconstruction:
+    """The surface by one of MEASURES. Raises as `reconstruct` does, and ValueError for an unknown name."""
+    how = check_measure(name, threshold)
+    result = reconstruct(
+        stack,
+        nominal,
+        light_curve=how.light_curve,
+        method=how.method,
+        pixel_average=how.pixel_average,
+        threshold=threshold,
+    )
+    return refine(result, stack, rounds=how.rounds) if how.rounds else result

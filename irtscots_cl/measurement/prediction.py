@@ -1,0 +1,104 @@
+"""What error a measurement must have: ray noise and line sampling, from the design and the images alone.
+
+Ray noise: counting statistics of each light curve, or the scatter between replicates. Line sampling: the centroid of a
+light curve sampled at lines of finite width is not exactly the centroid of the light; the error depends on where the
+light falls between the lines.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from irtscots_cl.imaging.image_stack import ImageStack, Scan
+from irtscots_cl.maths.integration import integrate_slopes
+from irtscots_cl.maths.low_order import remove_terms, rms
+from irtscots_cl.maths.statistics import jackknife_error
+from irtscots_cl.measurement.centroids import poisson_error
+from irtscots_cl.measurement.light_profiles import sampling_error
+from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.measurement.slopes import half_vector_slopes
+from irtscots_cl.optics.chief_rays import Calibration, calibrate
+from irtscots_cl.optics.pixel.response import pixel_light
+
+NOISE_DRAWS = 32  # maps of random slopes behind the predicted height noise: its own error is a few percent
+
+
+@dataclass(frozen=True)
+class PredictedError:
+    """Predicted rms errors: slopes [rad] as (x, y); heights [mm] with piston and tilt removed."""
+
+    ray_noise_slope: tuple[float, float]
+    line_sampling_slope: tuple[float, float]
+    ray_noise_height_mm: float
+    line_sampling_height_mm: float
+
+    @property
+    def slope(self) -> tuple[float, float]:
+        """Both parts together, root sum square (x, y) [rad]."""
+        x, y = np.hypot(self.ray_noise_slope, self.line_sampling_slope)
+        return float(x), float(y)
+
+    @property
+    def height_mm(self) -> float:
+        """Both parts together, root sum square [mm]."""
+        return float(np.hypot(self.ray_noise_height_mm, self.line_sampling_height_mm))
+
+
+def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
+    """Predict the slope and height errors of a reconstruction from its own light curves.
+
+    Ray noise is that of counting the rays behind each curve where they are independent; for other samplers and for lab
+    images it is the scatter of the replicates. Where there is neither, the prediction is NaN.
+    """
+    calibration = calibrate(result.nominal)
+    scale = _slope_per_mm(calibration, result)
+    mask, noise, bias = result.mask, [], []
+    for k, scan in enumerate((stack.x, stack.y)):
+        on_grid = np.full(mask.size, np.nan)
+        on_grid[scan.pixels] = poisson_error(scan, scan.mean_w())
+        counted = on_grid.reshape(mask.shape) * scale[k]
+        measured = jackknife_error(result.estimates(f"slope_{scan.axis}"))
+        noise.append(np.where(np.isfinite(counted), counted, measured))
+        bias.append(_line_sampling(result, scan) * scale[k])
+    random = np.random.default_rng(0)
+    known = all(np.isfinite(part[mask]).any() for part in noise)
+    draws = [np.nan_to_num(part) * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
+    heights = _heights(result, draws[0], draws[1])
+    return PredictedError(
+        (rms(noise[0], mask), rms(noise[1], mask)) if known else (np.nan, np.nan),
+        (rms(bias[0], mask), rms(bias[1], mask)),
+        float(np.sqrt(np.mean([rms(h, mask) ** 2 for h in heights]))) if known else np.nan,
+        rms(_heights(result, *bias)[0], mask),
+    )
+
+
+def _line_sampling(result: Reconstruction, scan: Scan) -> np.ndarray:
+    """Error [rows, columns] in mm that sampling by lines leaves in the centroids; 0 where it is modelled."""
+    left = np.where(result.mask, 0.0, np.nan)
+    if result.light_curve != "centroid" or result.updates_nm:
+        return left
+    light, axis = pixel_light(result.nominal), "xy".index(scan.axis)
+    centroid = (result.centroid_x_mm, result.centroid_y_mm)[axis].ravel()[light.pixels]
+    left.ravel()[light.pixels] += np.nan_to_num(sampling_error(scan.positions_mm, light, "uv"[axis], centroid))
+    return left
+
+
+def _heights(result: Reconstruction, slope_x: np.ndarray, slope_y: np.ndarray) -> list[np.ndarray]:
+    """Heights of slope maps [..., rows, columns], piston and tilt removed, as a list of maps."""
+    heights = integrate_slopes(result.x_mm, result.y_mm, slope_x, slope_y, result.mask, result.method)
+    return [
+        remove_terms(result.x_mm, result.y_mm, h, result.mask, "piston_tilt")
+        for h in heights.reshape(-1, *result.mask.shape)
+    ]
+
+
+def _slope_per_mm(calibration: Calibration, result: Reconstruction, step_mm: float = 1e-3) -> list[np.ndarray]:
+    """|d slope / d centroid| [rad/mm] of every pixel, along x and y."""
+    points = np.stack([result.x_mm, result.y_mm, result.height_mm], -1)
+    camera, to_world = calibration.camera_frame.position_mm, calibration.screen_frame.to_world
+    centre = half_vector_slopes(points, to_world(result.centroid_x_mm, result.centroid_y_mm), camera)
+    x = half_vector_slopes(points, to_world(result.centroid_x_mm + step_mm, result.centroid_y_mm), camera)
+    y = half_vector_slopes(points, to_world(result.centroid_x_mm, result.centroid_y_mm + step_mm), camera)
+    return [np.abs(x[0] - centre[0]) / step_mm, np.abs(y[1] - centre[1]) / step_mm]

@@ -1,0 +1,218 @@
+"""From images to the mirror's surface: light curves, centroids, slopes, height. It sees the design, never the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from irtscots_cl.imaging.image_stack import ImageStack, Scan
+from irtscots_cl.maths.integration import integrate_slopes
+from irtscots_cl.maths.low_order import remove_terms
+from irtscots_cl.maths.statistics import jackknife_error
+from irtscots_cl.measurement.centroids import centroids
+from irtscots_cl.measurement.light_curves import Flag, flag_curves
+from irtscots_cl.measurement.light_profiles import profile_centroids
+from irtscots_cl.measurement.slopes import half_vector_slopes, without_pixel_average
+from irtscots_cl.optics.chief_rays import Calibration, calibrate
+from irtscots_cl.optics.pixel.response import pixel_light
+from irtscots_cl.scene.model import Scene
+
+MIN_PIXELS = 4  # to tell piston, tilt and power apart
+LIGHT_CURVES = ("centroid", "chord")
+HEIGHT_ROUNDS = 2  # slopes, height, slopes, height: a third round changes less than 0.01 nm on a deviation of 1 um
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """A measured surface on the detector's grid [rows, columns]; NaN outside the mask. Mirror frame.
+
+    x_mm, y_mm: mirror points. on_mirror: pixels that see enough of the mirror; mask: those of them that are used.
+    flags: lightcurves.Flag of the worse of the two scans (pixels without a light curve: EMPTY). centroid_x_mm,
+    centroid_y_mm: in the screen's frame. slope_x, slope_y [rad]: of the whole surface. height_mm: design plus
+    deviation; deviation_mm: from the design, mean zero over the mask. light_curve, method, pixel_average: how it was
+    made (see reconstruct). updates_nm: rms change of each round of refinement. jackknife_*: [replicates, rows,
+    columns], the same with one replicate left out in turn, for error bars.
+    """
+
+    nominal: Scene
+    light_curve: str
+    method: str
+    pixel_average: bool
+    x_mm: np.ndarray = field(repr=False)
+    y_mm: np.ndarray = field(repr=False)
+    on_mirror: np.ndarray = field(repr=False)
+    mask: np.ndarray = field(repr=False)
+    flags: np.ndarray = field(repr=False)
+    centroid_x_mm: np.ndarray = field(repr=False)
+    centroid_y_mm: np.ndarray = field(repr=False)
+    slope_x: np.ndarray = field(repr=False)
+    slope_y: np.ndarray = field(repr=False)
+    height_mm: np.ndarray = field(repr=False)
+    deviation_mm: np.ndarray = field(repr=False)
+    jackknife_slope_x: np.ndarray = field(repr=False)
+    jackknife_slope_y: np.ndarray = field(repr=False)
+    jackknife_deviation_mm: np.ndarray = field(repr=False)
+    updates_nm: tuple[float, ...] = ()
+
+    @property
+    def pixels_used(self) -> int:
+        return int(self.mask.sum())
+
+    def refused(self) -> dict[str, int]:
+        """How many of the pixels on the mirror have a light curve that cannot be used, by the flag's name."""
+        return {flag.name.lower(): int(np.sum(self.on_mirror & (self.flags == flag))) for flag in Flag if flag}
+
+    def estimates(self, name: str) -> np.ndarray:
+        """ "slope_x", "slope_y" or "deviation_mm" [1 + replicates, rows, columns]: the result, then the jackknife's."""
+        return np.concatenate([getattr(self, name)[None], getattr(self, f"jackknife_{name}")])
+
+    def height_standard_error_mm(self) -> np.ndarray:
+        """Standard error [rows, columns] of the deviation with piston and tilt removed; NaN for a single replicate."""
+        heights = self.estimates("deviation_mm")
+        removed = [remove_terms(self.x_mm, self.y_mm, h, self.mask, "piston_tilt") for h in heights]
+        return jackknife_error(np.stack(removed))
+
+
+def reconstruct(
+    stack: ImageStack,
+    nominal: Scene,
+    *,
+    light_curve: str = "centroid",
+    method: str = "southwell",
+    pixel_average: bool = True,
+    min_coverage: float = 0.5,
+    threshold: float = 0.0,
+) -> Reconstruction:
+    """Measure the surface from line-scan images, knowing the design scene alone.
+
+    nominal: the scene without deviation (scene.nominal()). light_curve: "centroid" takes the light curves' centroids as
+    they are (paper, Eq. 4), "chord" by the profile that the design gives them (profiles.py). method: of
+    integrate_slopes. pixel_average: whether slopes stay the means over the pixels that they are measured as, or are
+    taken to the pixels' centres (slopes.without_pixel_average). min_coverage: least part of a pixel's footprint on the
+    mirror for the pixel to be used. threshold: see lightcurves.effective_screen_pixels.
+
+    Raises ValueError if the stack does not fit the scene or fewer than MIN_PIXELS pixels can be used.
+    """
+    if light_curve not in LIGHT_CURVES:
+        raise ValueError(f"light_curve = {light_curve!r}: must be one of {', '.join(LIGHT_CURVES)}")
+    calibration = calibrate(nominal)
+    _check_fits(stack, calibration)
+    centroid_x, flag_x = _measured(calibration, stack.x, light_curve, threshold)
+    centroid_y, flag_y = _measured(calibration, stack.y, light_curve, threshold)
+    flags = np.maximum(flag_x, flag_y)
+    on_mirror = calibration.footprint.coverage >= min_coverage
+    # where all light is in one replicate, leaving that one out leaves none
+    flags[(flags == Flag.GOOD) & ~np.isfinite(centroid_x + centroid_y).all(0)] = Flag.EMPTY
+    mask = on_mirror & (flags == Flag.GOOD)
+    _check_enough(nominal.name, on_mirror, mask, flags)
+    x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(calibration))
+    slope_x, slope_y, deviation = _surface(
+        calibration, (x_mm, y_mm), (u_mm, v_mm), mask, (centroid_x, centroid_y), method, pixel_average
+    )
+    design = calibration.surface.sag(x_mm, y_mm)
+    return Reconstruction(
+        nominal,
+        light_curve,
+        method,
+        pixel_average,
+        x_mm,
+        y_mm,
+        on_mirror,
+        mask,
+        flags,
+        np.where(mask, centroid_x[0], np.nan),
+        np.where(mask, centroid_y[0], np.nan),
+        slope_x[0],
+        slope_y[0],
+        design + deviation[0],
+        deviation[0],
+        slope_x[1:],
+        slope_y[1:],
+        deviation[1:],
+    )
+
+
+def _check_fits(stack: ImageStack, calibration: Calibration) -> None:
+    """Refuse images that are not of the scene's detector and screen, with a ValueError."""
+    nominal = calibration.scene
+    if stack.x.shape != calibration.shape or stack.y.shape != calibration.shape:
+        raise ValueError(
+            f"scene {nominal.name}: images of {stack.x.shape} and {stack.y.shape} (rows, columns) do not fit; "
+            f"must be of the scene's detector, {calibration.shape}"
+        )
+    for scan, lines in zip((stack.x, stack.y), nominal.screen.pixels, strict=True):
+        if len(scan.positions_mm) != lines:
+            raise ValueError(
+                f"{len(scan.positions_mm)} images in the {scan.axis} scan, but the scene's screen has {lines} lines"
+            )
+
+
+def _check_enough(name: str, on_mirror: np.ndarray, mask: np.ndarray, flags: np.ndarray) -> None:
+    """Refuse a measurement of too few pixels, with a ValueError that counts the reasons."""
+    if mask.sum() < MIN_PIXELS:
+        refused = ", ".join(f"{np.sum(flags[on_mirror] == flag)} {flag.name.lower()}" for flag in list(Flag)[1:])
+        raise ValueError(
+            f"scene {name}: {mask.sum()} of the {on_mirror.sum()} detector pixels on the mirror have a usable "
+            f"light curve in both scans ({refused}); must be at least {MIN_PIXELS}"
+        )
+
+
+def _measured(
+    calibration: Calibration, scan: Scan, light_curve: str, threshold: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Centroids [1 + replicates left out, rows, columns] in mm, NaN where there are none, and flags [rows, columns]."""
+    curves = scan.jackknife_w()
+    on_grid = np.full((len(curves), scan.shape[0] * scan.shape[1]), np.nan)
+    found = centroids(scan, curves, threshold)
+    if light_curve == "chord":  # one shift for all replicates: it varies by percents only
+        found = found + (profile_centroids(scan, pixel_light(calibration.scene), found[0], threshold) - found[0])
+    on_grid[:, scan.pixels] = found
+    half_width, box_row, box_column = calibration.light_shape("xy".index(scan.axis))
+    reach = (half_width + (box_row + box_column) / 2).ravel()[scan.pixels]
+    flags = np.full(on_grid.shape[1], Flag.EMPTY)
+    flags[scan.pixels] = flag_curves(scan, curves[0], on_grid[0, scan.pixels], reach)
+    return on_grid.reshape(-1, *scan.shape), flags.reshape(scan.shape)
+
+
+def design_points(calibration: Calibration) -> list[np.ndarray]:
+    """Mirror point x, y and screen point u, v [rows, columns] in mm of each pixel's light, were the mirror the design.
+
+    From the closed form of the light, or, for pixels that it does not hold for, the mean of their chief rays.
+    """
+    light, footprint = pixel_light(calibration.scene), calibration.footprint
+    points = [v.copy() for v in (footprint.x_mm, footprint.y_mm, footprint.u_mm, footprint.v_mm)]
+    means = light.means("xyuv")
+    use = light.valid() & np.isfinite(means).all(0)
+    for on_grid, mean in zip(points, means, strict=True):
+        on_grid.ravel()[light.pixels[use]] = mean[use]
+    return points
+
+
+def triangulated(calibration: Calibration, x_mm, y_mm, z_mm, u_mm, v_mm) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes [..., rows, columns] of the mirror at (x, y, z) that send the camera's chief rays to (u, v)."""
+    points = np.stack(np.broadcast_arrays(x_mm, y_mm, z_mm), -1)
+    screen = calibration.screen_frame.to_world(u_mm, v_mm)
+    return half_vector_slopes(points, screen, calibration.camera_frame.position_mm)
+
+
+def _surface(calibration: Calibration, mirror, landing, mask, centroid, method: str, pixel_average: bool):
+    """Slopes and deviation [1 + replicates, rows, columns] from centroids (u, v) of the same shape.
+
+    mirror: (x, y), landing: (u, v) [rows, columns] of the design. Only the difference from the slopes that the same
+    triangulation gives for the design is integrated: neither the zonal method's own error on the design surface (13 nm
+    of power on the paper's sphere) nor the landing point's curvature over a footprint (41 nm of tilt on the off-axis
+    preset) enters. Eq. 3 contains the height itself, so the height found is fed back.
+    """
+    surface = calibration.surface
+    design = surface.sag(*mirror)
+    design_slopes = triangulated(calibration, *mirror, design, *landing)
+    deviation = np.zeros(centroid[0].shape)
+    for _ in range(HEIGHT_ROUNDS):
+        slopes = triangulated(calibration, *mirror, design + deviation, *centroid)
+        extra = [slope - own for slope, own in zip(slopes, design_slopes, strict=True)]
+        if not pixel_average:
+            extra = [without_pixel_average(slope, mask) for slope in extra]
+        deviation = integrate_slopes(*mirror, *extra, mask, method)
+    true_x, true_y = surface.gradient(*mirror)
+    return true_x + extra[0], true_y + extra[1], deviation

@@ -1,0 +1,120 @@
+"""Refinement of a measured surface by a model: simulate the surface found, compare light curves, correct, repeat.
+
+The surface found is fitted by Zernike polynomials, which makes it a scene; its light curves follow in closed form. What
+the measured centroids differ from the modelled ones by are slopes that the model lacks. Only these small differences go
+through triangulation and integration, so that whatever these leave out (averaging over a pixel, partly lit pixels at
+the edge, the second order of the geometry, the sampling by lines) acts on the difference alone: Gauss-Newton on the
+slopes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.linalg import pinvh
+
+from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.maths.integration import integrate_slopes
+from irtscots_cl.maths.low_order import remove_terms, rms
+from irtscots_cl.maths.zernike.polynomials import zernike
+from irtscots_cl.measurement.centroids import centroids
+from irtscots_cl.measurement.light_profiles import sampled_centroids
+from irtscots_cl.measurement.reconstruction import Reconstruction, triangulated
+from irtscots_cl.measurement.slopes import without_pixel_average
+from irtscots_cl.optics.chief_rays import Calibration, calibrate
+from irtscots_cl.optics.pixel.response import PixelLight
+from irtscots_cl.scene.mirror import ZernikeTerms
+from irtscots_cl.scene.model import Scene
+
+MODEL_ORDER = 20  # radial order of the model: what is finer is left to the differences
+PIXELS_PER_TERM = 8  # at least, lest the model follow the noise
+
+
+def refine(
+    result: Reconstruction, stack: ImageStack, *, rounds: int = 4, tolerance_nm: float = 1e-3
+) -> Reconstruction:
+    """Refine a reconstruction of the stack until a round changes less than tolerance_nm rms, at most `rounds` times.
+
+    The result's updates_nm tell each round's change, piston and tilt removed. Pixels that the model has no light for
+    keep their slopes. The light curves are taken whole: the centroid of a curve that is cut off at a threshold jumps
+    as the light moves, and rounds of refinement would not converge.
+    """
+    fit = _fit(result)
+    for _ in range(rounds):
+        refined = _round(result, stack, fit)
+        change = remove_terms(
+            result.x_mm, result.y_mm, refined.deviation_mm - result.deviation_mm, result.mask, "piston_tilt"
+        )
+        update = rms(change, result.mask) * 1e6
+        result = dataclasses.replace(refined, updates_nm=(*result.updates_nm, update))
+        if update < tolerance_nm:
+            break
+    return result
+
+
+def _fit(result: Reconstruction) -> np.ndarray:
+    """Matrix [terms, pixels used] from heights to coefficients of Noll terms 1, 2, ... by least squares over the mask.
+
+    By normal equations: the terms are nearly orthogonal over a mirror, and what a mask cannot tell apart is left out.
+    """
+    order = MODEL_ORDER
+    while (order + 1) * (order + 2) // 2 * PIXELS_PER_TERM > result.pixels_used and order > 1:
+        order -= 1
+    radius = result.nominal.mirror.diameter_mm / 2
+    x, y = result.x_mm[result.mask] / radius, result.y_mm[result.mask] / radius
+    basis = np.stack([zernike(noll, x, y) for noll in range(1, (order + 1) * (order + 2) // 2 + 1)])
+    return pinvh(basis @ basis.T, rtol=1e-10) @ basis
+
+
+def modelled(result: Reconstruction, fit: np.ndarray) -> Scene:
+    """The design with the measured deviation as Zernike terms. fit: see _fit."""
+    mirror, fit_um = result.nominal.mirror, fit @ result.deviation_mm[result.mask] * 1e3
+    terms = ZernikeTerms(mirror.diameter_mm / 2, "noll", dict(enumerate(fit_um.tolist(), 1)))
+    return dataclasses.replace(result.nominal, mirror=dataclasses.replace(mirror, zernike=(terms,)))
+
+
+def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray) -> Reconstruction:
+    """One round: the model's light curves, and the surface that explains the measured ones."""
+    scene, mask = modelled(result, fit), result.mask
+    calibration = Calibration(scene)
+    pixels = np.flatnonzero(mask)
+    light = PixelLight.of(calibration, pixels)
+    means = light.means("uv")
+    model = [np.full(mask.shape, np.nan) for _ in "uv"]
+    residual = []
+    for on_grid, mean, scan in zip(model, means, (stack.x, stack.y), strict=True):
+        on_grid.ravel()[pixels] = mean
+        differ = np.full((1 + len(result.jackknife_slope_x), mask.size), np.nan)
+        curves = scan.jackknife_w()
+        differ[:, scan.pixels] = centroids(scan, curves) - sampled_centroids(scan, light)
+        residual.append(differ.reshape(-1, *mask.shape))
+    surface = calibration.surface
+    height = surface.sag(result.x_mm, result.y_mm)
+    model_slopes = triangulated(calibration, result.x_mm, result.y_mm, height, *model)
+    moved = triangulated(
+        calibration, result.x_mm, result.y_mm, height, *(m + r for m, r in zip(model, residual, strict=True))
+    )
+    own = surface.gradient(result.x_mm, result.y_mm)
+    extra = []
+    for axis, there, model_slope, gradient in zip("xy", moved, model_slopes, own, strict=True):
+        differ = there - model_slope
+        if not result.pixel_average:
+            differ = without_pixel_average(differ, mask)
+        kept = result.estimates(f"slope_{axis}") - gradient  # where the model has no light
+        extra.append(np.where(np.isfinite(differ), differ, kept))
+    differ = integrate_slopes(result.x_mm, result.y_mm, *extra, mask, result.method)
+    deviation = surface.deviation_at(result.x_mm, result.y_mm)[0] + differ
+    deviation = deviation - np.nanmean(deviation, axis=(1, 2), keepdims=True)
+    slopes = [gradient + e for gradient, e in zip(own, extra, strict=True)]
+    design = calibrate(result.nominal).surface.sag(result.x_mm, result.y_mm)
+    return dataclasses.replace(
+        result,
+        slope_x=slopes[0][0],
+        slope_y=slopes[1][0],
+        height_mm=design + deviation[0],
+        deviation_mm=deviation[0],
+        jackknife_slope_x=slopes[0][1:],
+        jackknife_slope_y=slopes[1][1:],
+        jackknife_deviation_mm=deviation[1:],
+    )

@@ -1,0 +1,1 @@
+"""OpenCL devices, programs, buffers, structures. Alone imports pyopencl."""

@@ -1,0 +1,204 @@
+"""OpenCL devices: their selection, and how the failures of their drivers are told."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import pyopencl as cl
+
+ENVIRONMENT = "IRTSCOTS_DEVICE"
+ALL = "all"  # every usable device of this machine
+HINT = "install one: pip install 'pyopencl[pocl]' (CPU, Linux x86-64), or your GPU vendor's OpenCL driver"
+
+
+class DeviceError(RuntimeError):
+    """No usable OpenCL device, or one that fails; the message is one line."""
+
+
+@dataclass(frozen=True)
+class Device:
+    """An OpenCL device with its context and queue, made on first use."""
+
+    cl_device: cl.Device
+    index: str  # "platform:device", as `select_device` takes it
+
+    @cached_property
+    def name(self) -> str:
+        return self.cl_device.name.strip()
+
+    @property
+    def label(self) -> str:
+        """How messages name it."""
+        return f"device {self.index} {self.name}"
+
+    @property
+    def platform(self) -> str:
+        return self.cl_device.platform.name.strip()
+
+    @property
+    def driver(self) -> str:
+        return f"{self.cl_device.platform.version.strip()} / {self.cl_device.driver_version.strip()}"
+
+    @cached_property
+    def kind(self) -> str:
+        """ "cpu", "gpu" or "other"."""
+        kinds = {cl.device_type.CPU: "cpu", cl.device_type.GPU: "gpu"}
+        return next((name for bit, name in kinds.items() if self.cl_device.type & bit), "other")
+
+    @cached_property
+    def context(self) -> cl.Context:
+        with driver_errors(self):
+            return cl.Context([self.cl_device])
+
+    @cached_property
+    def queue(self) -> cl.CommandQueue:
+        with driver_errors(self):
+            return cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+
+    @property
+    def local_memory_bytes(self) -> int:
+        return self.cl_device.local_mem_size
+
+    @property
+    def has_fp64(self) -> bool:
+        return bool(self.cl_device.double_fp_config)
+
+    def vector_width(self, precision: str) -> int:
+        """Rays side by side in a work-item: 8 or 16 on CPUs, one or two registers' worth; 1 elsewhere.
+
+        PoCL reports the widest registers of the processor even where its compiler does not use them: LLVM 14 compiles
+        for every AMD processor with AVX-512 as for the ones before, with AVX2. The target's name is in the version.
+        """
+        if self.kind != "cpu":
+            return 1
+        double = precision == "fp64"
+        native = self.cl_device.native_vector_width_double if double else self.cl_device.native_vector_width_float
+        if "znver" in self.cl_device.version:
+            native = 8
+        return 16 if native >= 16 else 8
+
+    def describe(self) -> dict[str, object]:
+        """Plain facts for reports."""
+        with driver_errors(self):
+            return {
+                "index": self.index,
+                "name": self.name,
+                "platform": self.platform,
+                "driver": self.driver,
+                "kind": self.kind,
+                "compute_units": self.cl_device.max_compute_units,
+            }
+
+
+@contextmanager
+def driver_errors(device: Device, doing: str = "") -> Iterator[None]:
+    """What the driver reports inside becomes a DeviceError of one line. doing: what failed, for the message."""
+    label = device.label  # now: a device that is lost may not tell its name
+    try:
+        yield
+    except cl.Error as error:
+        raise DeviceError(f"{label}: {f'{doing}: ' if doing else ''}{first_line(error)}") from error
+
+
+def first_line(error: cl.Error) -> str:
+    return next((line for line in str(error).splitlines() if line.strip()), "unknown error").strip()
+
+
+@lru_cache
+def all_devices() -> tuple[Device, ...]:
+    """Every OpenCL device of every platform, in the drivers' order; looked up once per process."""
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error:
+        return ()
+    found = []
+    for p, platform in enumerate(platforms):
+        try:
+            found += [Device(device, f"{p}:{d}") for d, device in enumerate(platform.get_devices())]
+        except cl.Error:  # a platform without a device reports an error
+            continue
+    return tuple(found)
+
+
+def select_device(choice: str | None = None) -> Device:
+    """A device by index ("0:0"), kind ("gpu", "cpu") or part of its or its platform's name, in any case of letters.
+
+    None takes the environment variable IRTSCOTS_DEVICE or, if that is not set, the best found: a GPU before a CPU,
+    more compute units before fewer. "pocl" names the embedded device. Raises DeviceError if nothing fits.
+    """
+    devices = all_devices()
+    if not devices:
+        raise DeviceError(f"no OpenCL device found; {HINT}")
+    source = "--device"
+    if choice is None:
+        choice, source = os.environ.get(ENVIRONMENT) or None, ENVIRONMENT
+    if choice is not None and choice.strip().lower() == ALL:
+        raise DeviceError(f"{source} = {choice!r}: must name one device here")
+    usable = [d for d in devices if _is_usable(d)]
+    matching = usable if choice is None else [d for d in usable if _matches(d, choice)]
+    if not matching:
+        allowed = "; ".join(f"{d.index} {d.name} ({d.platform})" for d in devices)
+        raise DeviceError(f"{source} = {choice!r}: no such usable device; found: {allowed}")
+    rank = {"gpu": 0, "other": 1, "cpu": 2}
+    return min(matching, key=lambda d: (rank[d.kind], -d.cl_device.max_compute_units))
+
+
+def select_devices(choice: str | None = None) -> tuple[Device, ...]:
+    """All usable devices for "all", one for each choice of a list with commas, or the one that select_device takes.
+
+    Every one comes once. None takes the environment variable IRTSCOTS_DEVICE. Raises as select_device does.
+    """
+    wanted = choice if choice is not None else os.environ.get(ENVIRONMENT)
+    if wanted is not None and wanted.strip().lower() == ALL:
+        usable = tuple(d for d in all_devices() if _is_usable(d))
+        return usable or (select_device(None),)  # which says what to do about it
+    if wanted is None or "," not in wanted:
+        return (select_device(choice),)
+    chosen = [select_device(part) for part in wanted.split(",")]
+    return tuple({device.index: device for device in chosen}.values())
+
+
+def describe_together(facts: list[dict[str, object]]) -> dict[str, object]:
+    """Device.describe() of one; of many, the same keys for all of them together.
+
+    compute_units: of all. devices: the facts of each, which may be together too.
+    """
+    if len(facts) == 1:
+        return facts[0]
+    together: dict[str, object] = {}
+    for key in ("index", "name", "platform", "driver", "kind"):
+        counted = Counter(str(of_one[key]) for of_one in facts)
+        times = {text: f"{n} x " if key == "name" and n > 1 else "" for text, n in counted.items()}
+        together[key] = " + ".join(times[text] + text for text in counted)
+    together["compute_units"] = sum(int(of_one["compute_units"]) for of_one in facts)
+    return together | {"devices": facts}
+
+
+def _is_usable(device: Device) -> bool:
+    try:
+        return bool(device.cl_device.endian_little and device.cl_device.available)
+    except cl.Error:  # it was there when the devices were listed
+        return False
+
+
+def _matches(device: Device, choice: str) -> bool:
+    wanted = choice.strip().lower()
+    if not wanted:
+        return False
+    if wanted in (device.kind, device.index):
+        return True
+    if wanted in ("cpu", "gpu") or ":" in wanted:
+        return False
+    platform = device.platform.lower().replace("portable computing language", "portable computing language pocl")
+    return wanted in device.name.lower() or wanted in platform
+
+
+def differing(several: list[dict]) -> dict:
+    """Of many, each key with the one value that all have, or all the different values as text."""
+    values = {key: sorted({str(each[key]) for each in several}) for key in several[0]}
+    return {key: several[0][key] if len(found) == 1 else " + ".join(found) for key, found in values.items()}

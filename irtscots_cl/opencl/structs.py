@@ -1,0 +1,257 @@
+"""What host and kernels share: the numbers of fates and the layout of every structure, defined once as NumPy dtypes.
+
+The C text for the kernels is generated from the dtypes (c_declarations). Structures are aligned as a C compiler aligns
+them; lengths are mm. The real type is float32 or float64, by the precision of the run.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+
+PRECISIONS = {"fp32": np.float32, "fp64": np.float64}
+WEIGHT_ONE = 2**24  # fixed-point scale of an adjoint ray's weight: all that a single-precision weight can tell
+
+
+class Fate(IntEnum):
+    """How a ray ends. OFF_WINDOW is a fault of the transport's windows and never stays in a finished run."""
+
+    DETECTED = 0
+    MISSED_MIRROR = 1
+    CLIPPED = 2
+    OFF_DETECTOR = 3
+    OFF_SCREEN = 4
+    ABSORBED = 5
+    FAILED = 6
+    OFF_WINDOW = 7
+
+
+LAUNCH = np.dtype(
+    [
+        ("first_ray", np.uint64),
+        ("ray_count", np.uint64),
+        ("rays_per_item", np.uint64),  # of each stream
+        ("first_stream", np.uint32),
+        ("replicate", np.uint32),
+        ("seed_low", np.uint32),
+        ("seed_high", np.uint32),
+        ("screen_columns", np.int32),
+        ("screen_rows", np.int32),
+        ("detector_pixels", np.int32),
+        ("window_columns", np.int32),
+        ("window_rows", np.int32),
+    ],
+    align=True,
+)
+
+
+def emitter_dtype(real) -> np.dtype:
+    """A screen pixel as the forward estimator's source.
+
+    x, y: its centre in the screen's frame [mm]. The aim is the ellipse in direction cosines, centre + lower triangular
+    matrix times the unit disk, that covers the mirror from every point of the pixel.
+    """
+    return np.dtype(
+        [(name, real) for name in ("x", "y", "centre_l", "centre_m", "aim_ll", "aim_ml", "aim_mm")], align=True
+    )
+
+
+def receiver_dtype(real) -> np.dtype:
+    """A detector pixel that can see the mirror, as the adjoint estimator's source.
+
+    x, y: its centre on the upright image [mm]; weight_scale: turns cos^4 into a fixed-point weight, WEIGHT_ONE at the
+    pixel's centre; column, row: its window's first screen pixel; pixel: its number row * columns + column, the random
+    stream.
+    """
+    return np.dtype(
+        [
+            ("x", real),
+            ("y", real),
+            ("weight_scale", real),
+            ("column", np.int32),
+            ("row", np.int32),
+            ("pixel", np.uint32),
+        ],
+        align=True,
+    )
+
+
+def chord_dtype(real) -> np.dtype:
+    """How a detector pixel's light moves along one axis of the screen as it moves over the camera's aperture.
+
+    normal_a, normal_b: unit direction on the aperture along which the landing point moves along that axis alone; slope,
+    bend: lines per mm and per mm^2 along it; growth: relative, of cos^4 per mm; mirror_x, mirror_y: the mirror point's
+    move per mm.
+    """
+    names = ("normal_a", "normal_b", "slope", "bend", "growth", "mirror_x", "mirror_y")
+    return np.dtype([(name, real) for name in names], align=True)
+
+
+def line_receiver_dtype(real) -> np.dtype:
+    """A Receiver and its chords along the screen's x and y, as the smoothed adjoint estimator's source."""
+    return np.dtype([("start", receiver_dtype(real)), ("chords", chord_dtype(real), 2)], align=True)
+
+
+def frame_dtype(real) -> np.dtype:
+    """A device's frame: position and axes in world coordinates; offset = -axes . position, taken in float64."""
+    return np.dtype(
+        [("position", real, 3), ("axis_x", real, 3), ("axis_y", real, 3), ("axis_z", real, 3), ("offset", real, 3)],
+        align=True,
+    )
+
+
+def mirror_dtype(real, deviated: bool, annular: bool) -> np.dtype:
+    """The mirror's quadric (geometry.Quadric) and aperture, with only the fields that the scene's kernels read."""
+    names = ["q_xx", "q_yy", "q_zz", "q_xz", "aperture_radius2"] + ["obscuration_radius2"] * annular
+    return np.dtype([(name, real) for name in names] + [("newton_steps", np.int32)] * deviated, align=True)
+
+
+def zernike_term_dtype(real) -> np.dtype:
+    """One radial term: coefficients [mm] and the recurrence P_{k+1} = (alpha t + beta) P_k + gamma P_{k-1}.
+
+    gamma_next is the following term's gamma, as Clenshaw's recurrence wants it.
+    """
+    return np.dtype([(name, real) for name in ("cosine", "sine", "alpha", "beta", "gamma_next")], align=True)
+
+
+def zernike_clenshaw_dtype(real, series: int, terms: int) -> np.dtype:
+    """The deviation as a zernikes.RadialSeries of `series` azimuthal orders and `terms` radial terms in all."""
+    return np.dtype(
+        [
+            ("inverse_radius", real),
+            ("term", zernike_term_dtype(real), terms),
+            ("order", np.int32, series),
+            ("count", np.int32, series),
+            ("series_count", np.int32),
+        ],
+        align=True,
+    )
+
+
+def zernike_power_dtype(real, coefficients: int) -> np.dtype:
+    """The deviation's zernikes.PowerRows: coefficients in mm. Which rows they make up is declared as constants."""
+    return np.dtype([("inverse_radius", real), ("coefficient", real, coefficients)], align=True)
+
+
+def scene_dtype(real, mirror: np.dtype, zernike: np.dtype | None) -> np.dtype:
+    """Everything about the scene that is the same for all rays."""
+    names = (
+        "screen_pitch",
+        "inverse_screen_pitch",
+        "screen_left",
+        "screen_top",
+        "aperture_radius",
+        "aperture_radius2",
+        "inverse_focal_length",
+        "inverse_focus",
+        "image_distance",
+        "inverse_image_distance",
+        "detector_pitch",
+        "inverse_detector_pitch",
+    )
+    return np.dtype(
+        [("mirror", mirror), ("screen", frame_dtype(real)), ("camera", frame_dtype(real))]
+        + [(name, real) for name in names]
+        + [("detector_columns", np.int32), ("detector_rows", np.int32)]
+        + ([("zernike", zernike)] if zernike is not None else []),
+        align=True,
+    )
+
+
+def element_dtype(real, groups: int) -> np.dtype:
+    """An element of a non-sequential trace (parts.Part), as the kernels read it.
+
+    axis_*: its axes in the world; offset: from each group's origin to it, in its frame, and the sum of its magnitudes;
+    origin: it from its own group's origin, in the world [mm]. q_*: geometry.Quadric. outer2, inner2: squares of the
+    aperture's radii; half_u, half_v: of its width and height. reflectance: below 0 stands for Fresnel's. least_chance:
+    of either branch at a refractor, least_weight: of the weaker one where both are followed.
+    """
+    fields = [(name, real, 3) for name in ("axis_x", "axis_y", "axis_z", "origin")]
+    fields += [("offset", real, (groups, 4))]
+    names = ("q_xx", "q_yy", "q_zz", "q_xz", "outer2", "inner2", "half_u", "half_v", "reflectance", "index_front",
+             "index_back", "coating_index", "least_chance", "least_weight", "inverse_focal_length",
+             "transmittance")  # fmt: skip
+    fields += [(name, real) for name in names] + [("group", np.int32)]
+    return np.dtype(fields, align=True)
+
+
+TIS_NODES = 129
+
+
+def scatter_structs(real, groups: int, elements: int, targets: int) -> dict[str, np.dtype]:
+    """Structures of all that scatters in a non-sequential trace, as kernels/scatter/scattered.cl reads them.
+
+    Target: a disk, its centre from each group's origin and its axes in the world [mm]. Lobe, one per element: numbers
+    of its kernels/scatter/scatter_*.cl; chance of a ray to part; of those, the share that the lobe draws; its shape,
+    the density (1 + d^2 inverse_l2)^(power - 1) about centre times the specular direction; tis: total integrated
+    scatter by the root of the cosine of incidence, at equal steps from 0 to 1; target: numbers of the targets aimed at.
+    """
+    target = np.dtype([("centre", real, (groups, 3)), ("axis_x", real, 3), ("axis_y", real, 3), ("axis_z", real, 3),
+                       ("radius", real)], align=True)  # fmt: skip
+    names = ("chance", "share", "inverse_l2", "power", "centre")
+    fields = [("numbers", real, 3), *((name, real) for name in names), ("tis", real, TIS_NODES)]
+    lobe = np.dtype([*fields, ("target_count", np.int32), ("target", np.int32, max(targets, 1))], align=True)
+    whole = [("targets", target, max(targets, 1)), ("lobes", lobe, max(elements, 1))]
+    return {"Target": target, "Lobe": lobe, "Scatter": np.dtype(whole, align=True)}
+
+
+PATH = np.dtype(
+    [
+        ("low", np.uint32),  # of its code
+        ("high", np.uint32),
+        ("scale", np.float32),  # what weights are multiplied by to be whole numbers
+        ("class_scale", np.float32),
+        ("kind", np.int32),  # number of its class
+    ],
+    align=True,
+)
+
+
+KNOWN_STEPS = 2
+
+
+def path_job_dtype(real) -> np.dtype:
+    """What a non-sequential launch is about: sizes of its tables, and where its rays start.
+
+    found_size: entries for found paths, 0 in a run that keeps images. screen_group, screen_element: that rays start in
+    and on. inverse_unit_area: 1 / aim_ll aim_mm of the emitter whose rays weigh 1. may: bits of the elements that a ray
+    may meet in its first steps.
+    """
+    names = ("path_count", "element_count", "found_size", "bounce_limit", "screen_group", "screen_element")
+    fields = [(name, np.int32) for name in names]
+    return np.dtype([*fields, ("inverse_unit_area", real), ("may", np.uint32, KNOWN_STEPS)], align=True)
+
+
+_C_NAMES = {
+    np.dtype(np.float32): "float",
+    np.dtype(np.float64): "double",
+    np.dtype(np.int32): "int",
+    np.dtype(np.uint32): "uint",
+    np.dtype(np.uint64): "ulong",
+}
+
+
+def c_declarations(structs: dict[str, np.dtype], constants: dict[str, tuple[int, ...]] | None = None) -> str:
+    """OpenCL C text of the fates, of the structures, each after those that it contains, and of constant tables.
+
+    structs: C name -> dtype; a nested dtype must be named by an entry before it. constants: C name -> whole numbers;
+    they describe the scene's structure, never its values.
+    """
+    fates = ", ".join(f"FATE_{fate.name} = {fate.value}" for fate in Fate)
+    lines = [f"enum {{ {fates}, FATE_COUNT = {len(Fate)} }};"]
+    names = dict(_C_NAMES)
+    for name, dtype in structs.items():
+        fields = "".join(f" {_c_field(field, dtype.fields[field][0], names)};" for field in dtype.names)
+        lines.append(f"typedef struct {{{fields} }} {name};")
+        names[dtype] = name
+    for name, values in (constants or {}).items():
+        lines.append(f"__constant int {name}[{len(values)}] = {{{', '.join(str(int(v)) for v in values)}}};")
+    return "\n".join(lines) + "\n"
+
+
+def _c_field(name: str, dtype: np.dtype, c_names: dict) -> str:
+    if dtype.subdtype is None:
+        return f"{c_names[dtype]} {name}"
+    base, shape = dtype.subdtype
+    return f"{c_names[base]} {name}" + "".join(f"[{n}]" for n in shape)

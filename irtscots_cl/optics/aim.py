@@ -1,0 +1,215 @@
+"""Where the forward estimator's rays are aimed: at the whole mirror, or at the part of it that the camera sees lit.
+
+A screen pixel lights the whole mirror, but only from a part of it does its light come into the camera's aperture. Both
+aims are ellipses in the direction cosines of the screen's frame, over which Lambertian light is uniform. All rays
+weigh the same: the ellipses that are aimed at the camera have one and the same share of the area of those that cover
+the mirror.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from irtscots_cl.maths.frame import Frame
+from irtscots_cl.optics.chief_rays import RIM, Calibration, calibrate
+from irtscots_cl.scene.model import Scene
+
+RIM_POINTS = 32  # of the mirror, to fit its ellipse
+MARGIN = 1e-4  # of the mirror's ellipse, for what is not an ellipse between the rim points
+SLACK = 0.25  # screen pixels beyond what the chief rays say that can light a detector pixel; doubled where too little
+MAX_SLACK = 8.0
+CHECK_RAYS = 2**15  # from the camera, to check that its aim covers all that they find
+PAIRS = 2**18  # of a screen and a detector pixel, handled at a time: bounds the memory
+
+
+@dataclass(frozen=True)
+class Aim:
+    """Ellipses of n screen pixels in direction cosines (l, m): centre [n, 2] + root [n, 2, 2] times the unit disk.
+
+    root is lower triangular. share: of their area in that of the ellipses that cover the mirror.
+    """
+
+    centre: np.ndarray
+    root: np.ndarray
+    share: float
+
+    @property
+    def area(self) -> np.ndarray:
+        return np.pi * self.root[:, 0, 0] * self.root[:, 1, 1]
+
+    def overfilled(self, overfill: float) -> Aim:
+        """The same with that many times the area."""
+        return Aim(self.centre, self.root * np.sqrt(overfill), self.share)
+
+    def holds(self, pixel: np.ndarray, cosines: np.ndarray) -> np.ndarray:
+        """Whether directions [k, 2] of the screen pixels [k] lie within their ellipses [k]."""
+        return _reach(self.root, self.centre, pixel, cosines) <= 1.0
+
+
+@lru_cache(maxsize=4)
+def mirror_aim(scene: Scene) -> Aim:
+    """The least ellipses that cover the mirror from every point of the screen pixel."""
+    calibration = calibrate(scene)
+    frame, surface, pitch = calibration.screen_frame, calibration.surface, scene.screen.pitch_mm
+    x, y = pixel_centres(calibration)
+    angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
+    rim_x, rim_y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
+    rim = np.stack([rim_x, rim_y, surface.sag(rim_x, rim_y)], -1)
+    parts = [_covering(frame, rim, x[k], y[k], pitch) for k in np.array_split(np.arange(len(x)), len(x) // 4096 + 1)]
+    return Aim(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)), 1.0)
+
+
+def _covering(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch: float):
+    """Covering ellipses for screen pixels at (x, y) [n]: centres [n, 2], roots [n, 2, 2]."""
+    rays = rim - frame.to_world(x, y)[:, None, :]
+    distance = np.linalg.norm(rays, axis=-1, keepdims=True)
+    cosines = (rays / distance) @ frame.axes[:2].T
+    centre = cosines.mean(1)
+    spread = cosines - centre[:, None, :]
+    # Points spread evenly in angle over an ellipse's rim have half its shape matrix as covariance.
+    root = np.linalg.cholesky(2 * np.einsum("nki,nkj->nij", spread, spread) / rim.shape[0])
+    reach = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
+    return centre, _widened(root * (reach * (1 + MARGIN))[:, None, None], pitch * np.sqrt(0.5) / distance.min((1, 2)))
+
+
+@lru_cache(maxsize=4)
+def camera_aim(scene: Scene) -> Aim:
+    """Ellipses of equal shares of the mirror's that hold every direction in which light reaches the camera.
+
+    They hold what the chief rays say, and are checked with rays from all over the aperture. Where the camera sees
+    nearly all of the mirror lit by some screen pixel, this is the mirror's aim.
+    """
+    calibration, whole = calibrate(scene), mirror_aim(scene)
+    slack = SLACK
+    while slack <= MAX_SLACK:
+        aim = _around_footprints(calibration, whole, slack)
+        if aim.share >= 1.0:
+            return whole
+        if aim.holds(*_directions_from_camera(calibration)).all():
+            return aim
+        slack *= 2
+    return whole
+
+
+def _around_footprints(calibration: Calibration, whole: Aim, slack: float) -> Aim:
+    """Ellipses around the footprints of the detector pixels that a screen pixel lights, of equal shares of `whole`."""
+    count = len(whole.centre)
+    sums = np.zeros((6, count))
+    for screen, cosines in _footprint_directions(calibration, whole, slack):
+        l, m = cosines.T
+        for k, value in enumerate((np.ones_like(l), l, m, l * l, l * m, m * m)):
+            sums[k] += np.bincount(screen, value, count)
+    lit = sums[0] > 0
+    n, l, m, ll, lm, mm = sums[:, lit]
+    mean = np.stack([l, m], -1) / n[:, None]
+    covariance = np.stack([ll, lm, lm, mm], -1).reshape(-1, 2, 2) / n[:, None, None] - mean[:, :, None] * mean[:, None]
+    centre, root = np.zeros_like(whole.centre), whole.root.copy()
+    centre[lit], root[lit] = mean, np.linalg.cholesky(covariance)
+    reach = np.zeros(count)
+    for screen, cosines in _footprint_directions(calibration, whole, slack):
+        np.maximum.at(reach, screen, _reach(root, centre, screen, cosines))
+    root[lit] = _widened(root[lit] * reach[lit, None, None], _blur(calibration))
+    of_whole = np.prod(root.diagonal(axis1=1, axis2=2), 1) / np.prod(whole.root.diagonal(axis1=1, axis2=2), 1)
+    share = float(of_whole[lit].max(initial=0.0))
+    return Aim(whole.centre + centre, root * np.sqrt(share / of_whole)[:, None, None], share)
+
+
+def _footprint_directions(calibration: Calibration, whole: Aim, slack: float):
+    """Screen pixels [k] and directions [k, 2], from the centre of `whole`, to corners of the footprints they light."""
+    columns, rows = calibration.scene.screen.pixels
+    corner, sees, pitch = calibration.corners[0], calibration.sees_mirror, calibration.scene.screen.pitch_mm
+    four = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]], 2)[sees]
+    centre, to_aperture, reach = (values[sees] for values in _landing(calibration, pitch * (np.sqrt(0.5) + slack)))
+    known = np.isfinite(reach) & np.isfinite(four).all((1, 2))
+    four, centre, to_aperture, reach = four[known], centre[known], to_aperture[known], reach[known]
+    lowest, highest = (edge[sees][known] for edge in calibration.landing_range())
+    first = np.ceil(np.clip(lowest - 0.5 - slack, 0, [columns, rows])).astype(int)
+    last = np.floor(np.clip(highest + 0.5 + slack, -1, [columns - 1, rows - 1])).astype(int)
+    pixels = np.stack(pixel_centres(calibration), -1)
+    widest = np.maximum(last - first + 1, 0).max(0, initial=0)
+    step = np.stack(np.meshgrid(*(np.arange(n) for n in widest), indexing="ij"), -1).reshape(-1, 2)
+    frame = calibration.screen_frame
+    for part in np.array_split(np.arange(len(first)), len(first) * len(step) // PAIRS + 1):
+        at = first[part, None] + step
+        away = (pixels[0] + at * pitch - centre[part, None]) @ to_aperture[part].transpose(0, 2, 1)
+        lit = (np.linalg.norm(away, axis=-1) <= reach[part, None]) & (at <= last[part, None]).all(-1)
+        detector, k = np.nonzero(lit)
+        screen = at[detector, k, 1] * columns + at[detector, k, 0]
+        rays = four[part[detector]] - frame.to_world(*pixels[screen].T)[:, None]
+        cosines = rays @ frame.axes[:2].T / np.linalg.norm(rays, axis=-1, keepdims=True)
+        yield np.repeat(screen, 4), (cosines - whole.centre[screen, None]).reshape(-1, 2)
+
+
+def _landing(calibration: Calibration, margin_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where on the screen each detector pixel's light comes from, under its local linear map.
+
+    Near a caustic that map tells little, and landing_range more. centre [rows, columns, 2] mm; to_aperture [rows,
+    columns, 2, 2], from there to the camera's aperture, in its radii; reach [rows, columns], in the same: pixels whose
+    centres are closer light it, widened by margin_mm.
+    """
+    rim = np.stack(calibration.rims[1:], -1)
+    centre = rim.mean(-2)
+    linear = np.einsum("...ku,ka->...ua", rim, RIM) * (2 / len(RIM))  # [rows, columns, (u, v), (a, b)], a, b in radii
+    left = np.linalg.norm(rim - centre[..., None, :] - RIM @ linear.swapaxes(-1, -2), axis=-1).max(-1)
+    corners = np.stack(calibration.corners[1:], -1)
+    four = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]])
+    spread = np.linalg.norm(four - centre, axis=-1).max(0)
+    known = np.isfinite(linear).all((-1, -2)) & (np.abs(np.linalg.det(linear)) > 0)
+    to_aperture = np.linalg.inv(np.where(known[..., None, None], linear, np.eye(2)))
+    reach = 1 + np.linalg.norm(to_aperture, 2, axis=(-2, -1)) * (margin_mm + spread + left)
+    return centre, to_aperture, np.where(known, reach, np.nan)
+
+
+def _blur(calibration: Calibration) -> float:
+    """How far directions reach beyond those from a pixel's centre to footprints: half a pixel, the aperture's blur."""
+    mirror, screen = calibration.rims[0][calibration.sees_mirror], calibration.scene.screen
+    blur = np.nanmax(np.linalg.norm(mirror - np.nanmean(mirror, -2, keepdims=True), axis=-1), initial=0.0)
+    distance = np.nanmin(np.linalg.norm(mirror - np.array(screen.position_mm), axis=-1))
+    reach = np.linalg.norm(np.array(screen.pixels)) / 2 * screen.pitch_mm + np.linalg.norm(screen.centre_offset_mm)
+    return float((screen.pitch_mm * np.sqrt(0.5) + blur) / max(distance - reach, distance / 2))
+
+
+def _directions_from_camera(calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
+    """Screen pixels [k] and directions [k, 2] of light that comes into the camera, from reverse rays; half of them
+    through the aperture's rim."""
+    random, (rows, columns) = np.random.default_rng(0), calibration.shape
+    row, column = random.random((2, CHECK_RAYS)) * [[rows], [columns]] - 0.5
+    angle = random.random(CHECK_RAYS) * 2 * np.pi
+    radius = calibration.scene.camera.aperture_diameter_mm / 2 * np.sqrt(random.random(CHECK_RAYS))
+    radius[::2] = calibration.scene.camera.aperture_diameter_mm / 2
+    points, u, v = calibration.reverse(row, column, radius * np.cos(angle), radius * np.sin(angle))
+    screen, frame = calibration.scene.screen, calibration.screen_frame
+    with np.errstate(invalid="ignore"):
+        at = [np.floor((w - offset) / screen.pitch_mm + count / 2)
+              for w, offset, count in zip((u, v), screen.centre_offset_mm, screen.pixels, strict=True)]  # fmt: skip
+        use = calibration.surface.contains(points[:, 0], points[:, 1], 0.0)
+        use &= (at[0] >= 0) & (at[0] < screen.pixels[0]) & (at[1] >= 0) & (at[1] < screen.pixels[1])
+    rays = points[use] - frame.to_world(u[use], v[use])
+    pixel = (at[1][use] * screen.pixels[0] + at[0][use]).astype(int)
+    return pixel, rays @ frame.axes[:2].T / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+
+def pixel_centres(calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
+    """x, y [rows * columns] of the screen's pixels in its frame [mm]."""
+    screen = calibration.scene.screen
+    columns, rows = screen.pixels
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    x = (column - (columns - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[0]
+    y = (row - (rows - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[1]
+    return x, y
+
+
+def _reach(root: np.ndarray, centre: np.ndarray, pixel: np.ndarray, cosines: np.ndarray) -> np.ndarray:
+    """How far out directions [k, 2] lie in the ellipses of the pixels [k]: 1 on their rim."""
+    l, m = (cosines - centre[pixel]).T
+    first = l / root[pixel, 0, 0]
+    return np.hypot(first, (m - root[pixel, 1, 0] * first) / root[pixel, 1, 1])
+
+
+def _widened(root: np.ndarray, by: np.ndarray | float) -> np.ndarray:
+    """Ellipses [n, 2, 2] grown so that they hold whatever lies within that distance of them."""
+    shortest = np.linalg.svd(root, compute_uv=False)[:, -1]
+    return root * (1 + by / shortest)[:, None, None]

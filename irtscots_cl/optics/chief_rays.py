@@ -1,0 +1,209 @@
+"""Chief-ray calibration in float64: what each detector pixel sees of the mirror, and where on the screen.
+
+The measuring half calibrates the nominal scene; the tracer calibrates the true one to place its windows.
+All maps have the detector's shape [rows, columns]; coordinates in mm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from irtscots_cl.maths.frame import Frame
+from irtscots_cl.optics.surface import Surface
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.validation import SceneError
+from irtscots_cl.system.memory import check_memory
+
+BYTES_PER_PIXEL = 1900  # of the maps and what is in memory beside them while they are made; measured
+SUBPIXELS = 16  # per axis, in pixels that the mirror's edge crosses: footprint areas to about half a percent
+RIM = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], -1)
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """What the detector pixels see of the mirror.
+
+    x_mm, y_mm: the centroid of the part of the pixel's footprint that lies on the mirror (NaN where there is none).
+    u_mm, v_mm: the mean of that part's chief rays on the screen's plane, in the screen's frame. It is not quite where
+    the chief ray of the centroid lands: over a footprint the landing point is not a linear function.
+    coverage: that part as a fraction of the footprint.
+    """
+
+    x_mm: np.ndarray
+    y_mm: np.ndarray
+    u_mm: np.ndarray
+    v_mm: np.ndarray
+    coverage: np.ndarray
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Reverse chief rays of a scene: detector -> centre of the camera's aperture -> mirror -> screen."""
+
+    scene: Scene
+
+    @cached_property
+    def surface(self) -> Surface:
+        return Surface.of(self.scene.mirror)
+
+    @cached_property
+    def screen_frame(self) -> Frame:
+        return Frame.looking(self.scene.screen.position_mm, self.scene.screen.look_at_mm)
+
+    @cached_property
+    def camera_frame(self) -> Frame:
+        return Frame.looking(self.scene.camera.position_mm, self.scene.camera.look_at_mm)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Detector (rows, columns)."""
+        columns, rows = self.scene.camera.detector.pixels
+        return rows, columns
+
+    def image_point(self, row, column) -> tuple[np.ndarray, np.ndarray]:
+        """Upright image coordinates (x, y) [mm] of fractional pixel indices; whole numbers are pixel centres."""
+        pitch = self.scene.camera.detector.pitch_mm
+        rows, columns = self.shape
+        return (np.asarray(column) - (columns - 1) / 2) * pitch, (np.asarray(row) - (rows - 1) / 2) * pitch
+
+    def reverse(self, row, column, a_mm=0.0, b_mm=0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Trace from image points backwards through aperture point (a, b).
+
+        Returns the mirror points [..., 3] (NaN where the surface is missed; its rim is not looked at) and the
+        crossings (u, v) of the screen's plane in the screen's frame [mm].
+        """
+        camera, frame = self.scene.camera, self.camera_frame
+        image_x, image_y = self.image_point(row, column)
+        slope_a = a_mm / camera.focus_mm - image_x / camera.image_distance_mm
+        slope_b = b_mm / camera.focus_mm - image_y / camera.image_distance_mm
+        slopes = np.stack(np.broadcast_arrays(slope_a, slope_b, 1.0), -1)
+        start = frame.to_world(*np.broadcast_arrays(a_mm, b_mm))
+        points, outgoing = self.surface.meet(start, -slopes @ frame.axes)
+        return points, *self.screen_frame.arrive(points, outgoing)
+
+    @cached_property
+    def corners(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Chief rays of the pixels' corners, [rows + 1, columns + 1]: mirror points and screen crossings."""
+        rows, columns = self.shape
+        return self.reverse(*np.meshgrid(np.arange(rows + 1) - 0.5, np.arange(columns + 1) - 0.5, indexing="ij"))
+
+    @cached_property
+    def rims(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rays from the pixels' centres through eight points of the aperture's rim, [rows, columns, 8]."""
+        rows, columns = self.shape
+        row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
+        a, b = (self.scene.camera.aperture_diameter_mm / 2 * RIM).T
+        return self.reverse(row[..., None], column[..., None], a, b)
+
+    @cached_property
+    def footprint(self) -> Footprint:
+        """Mirror points and coverage of all pixels, from chief rays."""
+        return self._footprint(0.0)
+
+    def _footprint(self, margin_mm: float) -> Footprint:
+        corners = self.corners[0][..., :2]
+        radius = np.hypot(corners[..., 0], corners[..., 1])
+        of_pixel = np.stack([radius[:-1, :-1], radius[1:, :-1], radius[:-1, 1:], radius[1:, 1:]])
+        diagonal = np.linalg.norm(corners[1:, 1:] - corners[:-1, :-1], axis=-1)
+        rim = self.surface.aperture_radius_mm + margin_mm
+        hole = max(self.surface.obscuration_radius_mm - margin_mm, 0.0)
+        with np.errstate(invalid="ignore"):
+            inside = (of_pixel.max(0) <= rim) & ((hole == 0) | (of_pixel.min(0) > hole + diagonal))
+            outside = (of_pixel.min(0) > rim + diagonal) | (of_pixel.max(0) + diagonal < hole)
+        maps = np.full((4, *self.shape), np.nan)
+        coverage = np.zeros(self.shape)
+        for pixels, per_axis in ((inside, 2), (~inside & ~outside, SUBPIXELS)):
+            maps[:, pixels], coverage[pixels] = self._sampled(*np.nonzero(pixels), per_axis, margin_mm)
+        return Footprint(*maps, coverage)
+
+    def _sampled(self, row, column, per_axis: int, margin_mm: float) -> tuple[np.ndarray, np.ndarray]:
+        """Means of x, y, u, v [4, n] and covered fraction [n] of pixels (row, column) [n], per_axis^2 rays each."""
+        # two points per axis: the Gauss rule, exact for a footprint's cubic distortion
+        step = np.array([-0.5, 0.5]) / np.sqrt(3.0) if per_axis == 2 else (np.arange(per_axis) + 0.5) / per_axis - 0.5
+        step_row, step_column = (s.ravel() for s in np.meshgrid(step, step, indexing="ij"))
+        points, u, v = self.reverse(row[:, None] + step_row, column[:, None] + step_column)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            on = self.surface.contains(points[..., 0], points[..., 1], margin_mm)
+            count = on.sum(1)
+            values = np.stack([points[..., 0], points[..., 1], u, v])
+            return np.where(on, values, 0.0).sum(2) / count, count / per_axis**2
+
+    @cached_property
+    def sees_mirror(self) -> np.ndarray:
+        """Pixels [rows, columns] that light from the mirror can reach through any point of the aperture."""
+        corners, rims = self.corners[0], self.rims[0]
+        size = np.nanmax(np.linalg.norm(corners[1:, 1:, :2] - corners[:-1, :-1, :2], axis=-1), initial=0.0)
+        blur = np.nanmax(np.abs(rims - rims.mean(-2, keepdims=True)), initial=0.0)  # footprint of one image point
+        return self._footprint(float(blur + size / SUBPIXELS)).coverage > 0
+
+    def landing_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """Screen columns and rows (fractional indices) that can light each pixel.
+
+        Returns (lowest, highest), each [rows, columns, 2] in the order column, row: from the pixel's corners by chief
+        rays, widened by the aperture's image. NaN where no ray returns.
+        """
+        screen = self.scene.screen
+        _, corner_u, corner_v = self.corners
+        _, rim_u, rim_v = self.rims
+        lowest, highest = [], []
+        for corner, rim, offset, count in zip(
+            (corner_u, corner_v), (rim_u, rim_v), screen.centre_offset_mm, screen.pixels, strict=True
+        ):
+            four = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]])
+            reach = (rim.max(-1) - rim.min(-1)) / 2 * 1.1  # eight rim points reach at least 0.92 of the true extreme
+            for edge, out in ((np.fmin.reduce(four) - reach, lowest), (np.fmax.reduce(four) + reach, highest)):
+                out.append((edge - offset) / screen.pitch_mm + (count - 1) / 2)
+        return np.stack(lowest, -1), np.stack(highest, -1)
+
+    def light_shape(self, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A pixel's light along the screen's x (k = 0) or y (k = 1) under its local linear map, [rows, columns] mm.
+
+        Returns the half-width of the aperture's image, and the widths of the pixel's own image along its row step and
+        its column step: the profile is the aperture's chord spread over these two boxes.
+        """
+        corner, rim = self.corners[1 + k], self.rims[1 + k]
+        half_width = np.hypot(rim @ RIM[:, 0], rim @ RIM[:, 1]) / (len(RIM) / 2)
+        along_row = (corner[1:, :-1] - corner[:-1, :-1] + corner[1:, 1:] - corner[:-1, 1:]) / 2
+        along_column = (corner[:-1, 1:] - corner[:-1, :-1] + corner[1:, 1:] - corner[1:, :-1]) / 2
+        return half_width, np.abs(along_row), np.abs(along_column)
+
+
+@lru_cache(maxsize=4)
+def calibrate(scene: Scene) -> Calibration:
+    """The calibration of a scene, shared by all who ask for the same one: its maps are computed once.
+
+    Raises ValueError if the detector has more pixels than the memory can hold maps of.
+    """
+    columns, rows = scene.camera.detector.pixels
+    check_memory(f"scene {scene.name}: camera.detector.pixels = {[columns, rows]}", columns * rows * BYTES_PER_PIXEL)
+    return Calibration(scene)
+
+
+def check_visible(calibration: Calibration, source: str) -> None:
+    """Refuse a scene whose detector sees no mirror or whose mirror shows no screen pixel to the detector.
+
+    source: the scene's file or preset, for the message. Raises SceneError.
+    """
+    scene = calibration.scene
+    if not calibration.sees_mirror.any():
+        raise SceneError(
+            f"{source}: camera.look_at_mm = {list(scene.camera.look_at_mm)}: "
+            "no detector pixel sees the mirror; must bring the mirror into the field of view"
+        )
+    lowest, highest = (edge[calibration.sees_mirror] for edge in calibration.landing_range())
+    size = np.array(scene.screen.pixels)
+    if not np.any(np.all((highest >= -0.5) & (lowest <= size - 0.5), axis=-1)):
+        if not np.isfinite(lowest + highest).all(-1).any():
+            raise SceneError(
+                f"{source}: screen.position_mm = {list(scene.screen.position_mm)}: no ray from the detector by way of "
+                "the mirror reaches the screen's plane; must lie where the mirror sends the camera's rays"
+            )
+        offset = (np.nanmean((lowest + highest) / 2, axis=0) - (size - 1) / 2) * scene.screen.pitch_mm
+        raise SceneError(
+            f"{source}: screen.position_mm = {list(scene.screen.position_mm)}: no detector pixel sees the "
+            f"screen in the mirror; the pixel grid must reach the light, which lands about "
+            f"{offset[0]:.1f}, {offset[1]:.1f} mm from its centre in the screen's x, y"
+        )

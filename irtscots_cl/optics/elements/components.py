@@ -1,0 +1,162 @@
+"""All elements of a scene as a non-sequential trace meets them: mirror, camera and whatever stands about them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from irtscots_cl.maths.frame import Frame
+from irtscots_cl.maths.quadric import Quadric
+from irtscots_cl.optics.surface import Surface
+from irtscots_cl.scene.element import Element
+from irtscots_cl.scene.model import Scene
+
+STOP_RIM = 4.0  # radius of the camera's front plate, over the detector's diagonal: nothing passes it by
+FAR_MM = 1000.0  # from the origins of groups, from which on an element has an origin of its own
+PLANE = Quadric(0.0, 0.0, 0.0)
+REFRACTORS = ("refractor", "coated")  # kinds between two media
+COPLANAR = 1e-9  # relative: an element so near the screen's plane lies in it
+
+
+@dataclass(frozen=True)
+class Part:
+    """One element. shape: "plane", "quadric" or "deviated"; kind: of a kernels/elements/interact_*.cl.
+
+    frame: z towards its front (the detector's and the camera's lens: along the light). outer_mm, inner_mm: radii of the
+    aperture; half_mm: of its width and height. reflectance: of a refractor, NaN for Fresnel's. scatter: a
+    scatter.ScatterModel, or None.
+    """
+
+    name: str
+    kind: str
+    shape: str
+    frame: Frame
+    quadric: Quadric = PLANE
+    outer_mm: float = np.inf
+    inner_mm: float = 0.0
+    half_mm: tuple[float, float] = (np.inf, np.inf)
+    reflectance: float = np.nan
+    index_front: float = 1.0
+    index_back: float = 1.0
+    focal_length_mm: float = np.inf
+    transmittance: float = 1.0
+    coating_index: float = 1.0
+    scatter: object = None
+
+    @property
+    def rim_mm(self) -> float:
+        """Radius of the least disk about its vertex that holds its aperture."""
+        return float(min(self.outer_mm, np.hypot(*self.half_mm)))
+
+    @property
+    def refracts(self) -> bool:
+        return self.kind in REFRACTORS
+
+
+def parts_of(scene: Scene) -> tuple[Part, ...]:
+    """The mirror, the camera, and the scene's elements, in that order."""
+    return (_mirror(scene), *_camera(scene), *(_element(e) for e in scene.element))
+
+
+def _mirror(scene: Scene) -> Part:
+    surface = Surface.of(scene.mirror)
+    shape = "quadric" if surface.deviation is None else "deviated"
+    return Part("mirror", "mirror", shape, Frame(np.zeros(3), np.eye(3)), surface.quadric, surface.aperture_radius_mm,
+                surface.obscuration_radius_mm, reflectance=scene.mirror.reflectance,
+                scatter=scene.mirror.scatter)  # fmt: skip
+
+
+def _camera(scene: Scene) -> list[Part]:
+    camera, detector = scene.camera, scene.camera.detector
+    frame = Frame.looking(camera.position_mm, camera.look_at_mm)
+    half = tuple(n * detector.pitch_mm / 2 for n in detector.pixels)
+    distance = camera.detector_distance_mm or camera.image_distance_mm
+    behind = Frame(frame.position_mm + distance * frame.axes[2], frame.axes)
+    radius = camera.aperture_diameter_mm / 2
+    rim = max(STOP_RIM * 2 * float(np.hypot(*half)), 4 * radius)
+    stop = Part("stop", "absorber", "plane", frame, outer_mm=rim, inner_mm=radius)
+    lens = Part("lens", "lens", "plane", frame, outer_mm=radius, focal_length_mm=camera.focal_length_mm,
+                transmittance=camera.transmittance)  # fmt: skip
+    detector = Part("detector", "detector", "plane", behind, half_mm=half)
+    return [stop, *([lens] if camera.lens == "paraxial" else []), detector]
+
+
+def _element(element: Element) -> Part:
+    # a frame looks away from where its z points
+    away = 2 * np.array(element.position_mm) - np.array(element.facing_mm)
+    curved = element.radius_mm is not None
+    quadric = PLANE
+    if curved:
+        # a centre behind the front: the same conic, looked at from the other side
+        quadric = Quadric.conic(abs(element.radius_mm), element.conic, element.off_axis_mm)
+        if element.radius_mm < 0:
+            quadric = Quadric(-quadric.q_xx, -quadric.q_yy, -quadric.q_zz, quadric.q_xz)
+    width, height = element.size_mm or (np.inf, np.inf)
+    reflectance = element.reflectance
+    if reflectance is None:
+        reflectance = 1.0 if element.kind == "mirror" else np.nan
+    frame = Frame.looking(element.position_mm, away)
+    return Part(
+        element.name, _kind(element), "quadric" if curved else "plane", frame, quadric,
+        (element.diameter_mm or np.inf) / 2, element.obscuration_mm / 2, (width / 2, height / 2), reflectance,
+        element.index_front or 1.0, element.index_back or 1.0, element.focal_length_mm or np.inf, element.transmittance,
+        element.coating_index or 1.0, element.scatter,
+    )  # fmt: skip
+
+
+def _kind(element: Element) -> str:
+    """Of the part: by kernels/elements/interact_*.cl."""
+    if element.kind == "refractor":
+        return "refractor" if element.coating_index is None else "coated"
+    if element.kind in ("absorber", "detector"):
+        return "absorber" if element.scatter is None else "diffuser"
+    return element.kind
+
+
+@dataclass(frozen=True)
+class Target:
+    """A disk about a frame's origin, in its plane z = 0."""
+
+    name: str
+    frame: Frame
+    radius_mm: float
+
+
+def targets_of(scene: Scene) -> tuple[Target, ...]:
+    """Disks that scattered rays are aimed at beside what their lobe says: where light that counts goes.
+
+    The camera's aperture; where not only the mirror scatters, the detector and the mirror; important elements.
+    """
+    parts = {part.name: part for part in parts_of(scene)}
+    camera = scene.camera
+    aperture = Target("stop", Frame.looking(camera.position_mm, camera.look_at_mm), camera.aperture_diameter_mm / 2)
+    names = [element.name for element in scene.element if element.important]
+    if any(element.scatter is not None for element in scene.element):
+        names = ["detector", "mirror", *names]
+    return (aperture, *(Target(name, parts[name].frame, parts[name].rim_mm) for name in names))
+
+
+def groups_of(scene: Scene, parts: tuple[Part, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Origins [groups, 3] that the rays' positions are told from, and each part's group [parts]; 1 is the screen's."""
+    origins = [np.zeros(3), np.array(scene.screen.position_mm), np.array(scene.camera.position_mm)]
+    numbers = []
+    for part in parts:
+        distance = [np.linalg.norm(part.frame.position_mm - origin) for origin in origins]
+        numbers.append(int(np.argmin(distance)))
+        if min(distance) > FAR_MM:
+            numbers[-1] = len(origins)
+            origins.append(part.frame.position_mm)
+    return np.array(origins), np.array(numbers)
+
+
+def on_screen(scene: Scene, parts: tuple[Part, ...]) -> int:
+    """Number of the plane part that lies in the screen's plane, on which rays start; -1 if there is none."""
+    screen = Frame.looking(scene.screen.position_mm, scene.screen.look_at_mm)
+    size = np.linalg.norm(screen.position_mm)
+    for number, part in enumerate(parts):
+        away = abs((part.frame.position_mm - screen.position_mm) @ screen.axes[2])
+        turned = np.linalg.norm(np.cross(part.frame.axes[2], screen.axes[2]))
+        if part.shape == "plane" and away <= COPLANAR * size and turned <= COPLANAR:
+            return number
+    return -1

@@ -1,0 +1,78 @@
+"""Which elements rays can meet in their first steps: what is ruled out here, the kernels need not look for.
+
+All bounds are of the whole screen and the whole emission together, with margins far above what they leave out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from irtscots_cl.maths.frame import Frame
+from irtscots_cl.optics.elements.components import Part
+
+LEAST_COSINE = 0.05  # of rays with the normal of a plane that they leave behind
+LEAST_ANGLE = np.radians(5.0)  # between what a mirror reflects and where it could be met again
+NEAR = 1e-6  # relative: rays that start so near a plane may meet it
+RINGS, SPOKES = 3, 32  # of points on the mirror
+ALL = 0xFFFFFFFF
+
+
+def may_meet(parts: tuple[Part, ...], screen: Frame, sources: np.ndarray, pitch_mm: float) -> tuple[int, int]:
+    """Bits of the elements that rays may meet first and second.
+
+    sources: interface.emitter_dtype. parts[0] is the mirror.
+    """
+    starts, directions = _emission(screen, sources, pitch_mm)
+    first = [number for number, part in enumerate(parts) if not _leaves_behind(part, starts, directions)]
+    bits = sum(1 << number for number in first)
+    second = ALL
+    if first == [0] and parts[0].scatter is None and not _meets_again(parts[0], starts):
+        second = ALL & ~1
+    return bits, second
+
+
+def _emission(screen: Frame, sources: np.ndarray, pitch_mm: float) -> tuple[np.ndarray, np.ndarray]:
+    """Corners [4, 3] of the screen, and directions [n, 3] whose cone holds all rays; none where it is too wide."""
+    u, v = (sources[axis].astype(float) for axis in ("x", "y"))
+    rim_u, rim_v = (np.array([c.min() - pitch_mm / 2, c.max() + pitch_mm / 2]) for c in (u, v))
+    corners = np.stack(np.meshgrid(rim_u, rim_v), -1).reshape(-1, 2)
+    half_l = np.abs(sources["aim_ll"]).astype(float)
+    half_m = np.hypot(sources["aim_ml"], sources["aim_mm"]).astype(float)
+    l = np.linspace((sources["centre_l"] - half_l).min(), (sources["centre_l"] + half_l).max(), 5)
+    m = np.linspace((sources["centre_m"] - half_m).min(), (sources["centre_m"] + half_m).max(), 5)
+    l, m = (grid.ravel() for grid in np.meshgrid(l, m))
+    left = 1 - l * l - m * m
+    if left.min() <= 0:
+        return screen.to_world(*corners.T), np.zeros((0, 3))
+    return screen.to_world(*corners.T), np.stack([l, m, -np.sqrt(left)], -1) @ screen.axes
+
+
+def _leaves_behind(part: Part, starts: np.ndarray, directions: np.ndarray) -> bool:
+    """Whether a plane part lies behind all rays: they start on one side of it and all go away from it."""
+    if part.shape != "plane" or not len(directions):
+        return False
+    away = (starts - part.frame.position_mm) @ part.frame.axes[2]
+    side = np.sign(away[0])
+    size = np.abs(starts).max() + np.abs(part.frame.position_mm).max()
+    return bool(np.all(side * away > NEAR * size) and np.all(side * directions @ part.frame.axes[2] > LEAST_COSINE))
+
+
+def _meets_again(mirror: Part, starts: np.ndarray) -> bool:
+    """Whether light from the screen that the mirror reflects could meet it again, by the angles with its normals."""
+    radius = mirror.outer_mm * np.arange(RINGS + 1) / RINGS
+    angle = np.arange(SPOKES) * (2 * np.pi / SPOKES)
+    x, y = np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()
+    points = np.stack([x, y, mirror.quadric.meet(x, y, 0.0, 0.0)], -1)
+    slope_x, slope_y = mirror.quadric.gradient(*points.T)
+    normals = np.stack([-slope_x, -slope_y, np.ones_like(x)], -1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    largest = np.arccos(_cosines(points, normals, starts).min())
+    with np.errstate(invalid="ignore"):  # of a point with itself
+        again = np.arccos(np.nanmax(_cosines(points, normals, points)))
+    return not largest + LEAST_ANGLE < again
+
+
+def _cosines(points: np.ndarray, normals: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """[points, others]: of the normals with the directions to the others."""
+    to = others[None] - points[:, None]
+    return np.einsum("pk,pok->po", normals, to) / np.linalg.norm(to, axis=-1)

@@ -1,0 +1,49 @@
+"""The media between elements: what a ray is in, checked."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from irtscots_cl.optics.elements.components import COPLANAR, Part
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.validation import SceneError
+
+SAME_INDEX = 1e-9
+
+
+def check_media(scene: Scene, parts: tuple[Part, ...]) -> None:
+    """Refuse, with a SceneError, refractive indices that do not fit: each element looks along its axis to the next.
+
+    Between two interfaces that face each other there is one medium; beside the outermost ones there is air.
+    """
+    refractors = [part for part in parts if part.refracts]
+    for part in refractors:
+        for sign, side, index in ((1.0, "front", part.index_front), (-1.0, "back", part.index_back)):
+            others = [other for other in refractors if other is not part]
+            seen = [(step, other) for other in others if (step := _step_to(part, sign, other)) is not None]
+            facing, name = 1.0, "nothing, so air"
+            if seen:
+                _, other = min(seen, key=lambda pair: pair[0])
+                from_front = sign * (part.frame.axes[2] @ other.frame.axes[2]) < 0
+                facing, name = (other.index_front if from_front else other.index_back), other.name
+            if abs(index - facing) > SAME_INDEX:
+                number = next(k for k, element in enumerate(scene.element) if element.name == part.name)
+                raise SceneError(
+                    f"scene {scene.name}: element[{number}].index_{side} = {index!r}: {part.name} faces {name} there; "
+                    f"must be {facing!r}, or media overlap"
+                )
+
+
+def _step_to(part: Part, sign: float, other: Part) -> float | None:
+    """Where the axis of a part meets another one, from its vertex to its front (1) or back (-1); None: nowhere."""
+    at = other.frame.axes @ (part.frame.position_mm - other.frame.position_mm)
+    along = sign * (other.frame.axes @ part.frame.axes[2])
+    if abs(along[2]) < COPLANAR:
+        return None
+    p, q = along[0] / along[2], along[1] / along[2]
+    x0, y0 = at[0] - p * at[2], at[1] - q * at[2]
+    z = float(other.quadric.meet(x0, y0, p, q))
+    x, y, step = x0 + p * z, y0 + q * z, (z - at[2]) / along[2]
+    inside = other.inner_mm <= np.hypot(x, y) <= other.outer_mm
+    inside = inside and abs(x) <= other.half_mm[0] and abs(y) <= other.half_mm[1]
+    return step if inside and step > 0 else None

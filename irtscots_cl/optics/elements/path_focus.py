@@ -1,0 +1,90 @@
+"""How sharp the light of a path lands: focus and blur to first order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from irtscots_cl.maths.frame import Frame
+from irtscots_cl.optics.elements.components import Part
+from irtscots_cl.optics.elements.sequential_rays import SCATTER, trace_sequence, unit
+
+FIRST_ORDER = 1e-3  # of the stop's radius, by which close rays pass the stop's centre
+NO_FOCUS = (float("nan"), float("nan"))
+
+
+def path_focus(parts: tuple[Part, ...], events) -> tuple[float, float]:
+    """How sharp the light of a path is on the detector, to first order: focus_mm and blur_mm.
+
+    The object is a point of the path's last scatterer, or else of the mirror where the path meets it last, or else of
+    the last element in front of the stop: the point that the camera's line of sight, the normal of the stop through its
+    centre, leads back to. From there the chief ray goes through the stop's centre, and close ones beside it, to the
+    detector by the path's further events.
+
+    focus_mm: along the chief ray from the detector to where the close rays meet; negative before the detector. Where
+    the two meridians meet apart, their mean in vergence (one over the distance) just behind the path's last element, or
+    the stop if that comes later. blur_mm: diameter, of an ellipse the longer one, of what the object point lights on
+    the detector through the whole stop. NaN where there are no such rays, and for a scatterer behind the stop.
+    """
+    stop = next(part for part in parts if part.name == "stop")
+    first, entry = _object_and_entry(parts, events, stop.frame)
+    if not 0 <= first < entry:
+        return NO_FOCUS
+    fan = _fan(parts, events[first:entry], stop)
+    rest = events[first + 1 :]
+    after = trace_sequence(parts, rest, *fan)
+    points, ways = (np.concatenate([start[None], then]) for start, then in zip(fan, after, strict=True))
+    leg = entry - first - 1  # on which the light goes through the stop
+    at_stop = stop.frame.arrive(points[leg], ways[leg])
+    at_detector = parts[rest[-1][0]].frame.arrive(points[-1], ways[-2])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        image = _ratio(_spread(at_detector), _spread(at_stop))
+        leaves = stop.frame.to_world(*at_stop) if leg == len(rest) - 1 else points[-2]
+        focus_mm = _meeting(leaves, ways[-2]) - float(np.linalg.norm(points[-1, 0] - leaves[0]))
+    blur_mm = 2 * stop.inner_mm * float(np.linalg.norm(image, 2)) if np.isfinite(image).all() else NO_FOCUS[1]
+    return focus_mm, blur_mm
+
+
+def _object_and_entry(parts: tuple[Part, ...], events, stop: Frame) -> tuple[int, int]:
+    """Which event is the object's, -1 if none, and the first event after the light went through the stop for good."""
+    depth = [(parts[number].frame.position_mm - stop.position_mm) @ stop.axes[2] for number, _ in events]
+    entry = 1 + max((k for k, z in enumerate(depth) if z < 0), default=-1)
+    scatterers = [k for k, (_, event) in enumerate(events) if event == SCATTER]
+    mirrors = [k for k, (number, _) in enumerate(events) if parts[number].name == "mirror"]
+    return max(scatterers or mirrors or [entry - 1]), entry
+
+
+def _fan(parts: tuple[Part, ...], events, stop: Part) -> tuple[np.ndarray, np.ndarray]:
+    """Points and directions [5, 3] at the object, of the first event: the chief ray, and two each side of it."""
+    sight = -stop.frame.axes[2]
+    start = stop.frame.position_mm
+    points, ways = trace_sequence(parts, events[::-1], start[None], sight[None])
+    points, ways = np.concatenate([start[None], points[:, 0]]), np.concatenate([sight[None], ways[:, 0]])
+    step = FIRST_ORDER * stop.inner_mm / np.linalg.norm(np.diff(points, axis=0), axis=-1).sum()
+    chief = -ways[-2]
+    beside = [chief + sign * step * side for side in _across(chief) for sign in (1, -1)]
+    return np.tile(points[-1], (5, 1)), np.stack([chief, *beside])
+
+
+def _across(direction) -> np.ndarray:
+    """Two unit vectors [2, 3] at right angles to a direction and to each other."""
+    side = unit(np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))]))
+    return np.stack([side, np.cross(direction, side)])
+
+
+def _spread(places) -> np.ndarray:
+    """How two coordinates [5] of a fan change with its two angles: [coordinate, angle]."""
+    return np.stack([(place[1::2] - place[2::2]) / 2 for place in places])
+
+
+def _ratio(change: np.ndarray, of: np.ndarray) -> np.ndarray:
+    """Matrix [2, 2] that takes one spread to another; not finite if there is none."""
+    (a, b), (c, d) = of
+    return change @ np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+
+
+def _meeting(points, directions) -> float:
+    """Way along a fan's first ray from its point to where the others meet it, by their mean vergence there."""
+    chief, across = directions[0], _across(directions[0])
+    place = _spread(Frame(points[0], np.stack([*across, chief])).arrive(points, directions))
+    slope = _spread(across @ directions.T / (directions @ chief))
+    return float(-2 / np.trace(_ratio(slope, place)))

@@ -1,0 +1,88 @@
+"""Light along a given sequence of elements, in float64 on the host. World frame, mm.
+
+The device kernels have their own twins (kernels/elements/element.cl, kernels/elements/interact_*.cl)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from irtscots_cl.maths.quadric import Quadric
+from irtscots_cl.optics.elements.components import Part
+
+NOMINAL, GHOST, SCATTER = range(3)  # events: indices of paths.KINDS
+BEHIND = 1e-9  # relative to a ray's way: an element so little behind it touches where it stands
+
+
+def trace_sequence(parts: tuple[Part, ...], events, points_mm, directions) -> tuple[np.ndarray, np.ndarray]:
+    """Rays from points_mm along directions [n, 3] through events [(element number, event)] as of paths.events_of.
+
+    Returns points and unit directions [events, n, 3] after each. NaN from where on a ray misses a surface, is totally
+    reflected where it should be refracted, or goes where no law tells: on from a scatterer, an absorber, a mirror's
+    back. Surfaces are those of the design and are not cut off at their apertures.
+    """
+    point, along = np.asarray(points_mm, float), np.asarray(directions, float)
+    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+    points, ways, last = [], [], None
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for number, event in events:
+            part = parts[number]
+            axes = part.frame.axes
+            at, local = (point - part.frame.position_mm) @ axes.T, along @ axes.T
+            met = _meet(part, at, local, stands=number == last)
+            goes = _interact(part, event, met, local)
+            point, along, last = met @ axes + part.frame.position_mm, goes @ axes, number
+            points.append(point)
+            ways.append(along)
+    shape = (len(points), *point.shape)
+    return np.reshape(points, shape), np.reshape(ways, shape)
+
+
+def _meet(part: Part, at, along, stands: bool) -> np.ndarray:
+    """Where rays meet the surface, in its frame: next to the vertex, or, if they stand on it, once more."""
+    back = np.zeros(len(at)) if stands else -np.sum(at * along, -1)  # from near the vertex all numbers are small
+    base = at + back[:, None] * along
+    a = _form(part.quadric, along, along)
+    b = _form(part.quadric, base, along) - along[:, 2]
+    c = np.zeros(len(at)) if stands else _form(part.quadric, base, base) - 2 * base[:, 2]
+    root = np.sqrt(b * b - a * c)
+    larger = np.where(b < 0, root - b, -root - b)
+    step = larger / a if stands else c / larger
+    point = base + step[:, None] * along
+    ahead = back + step > -BEHIND * (1 + np.abs(back))
+    # of a closed surface only the side whose normal points to the front; never of what is infinite or NaN
+    front = part.quadric.q_zz * point[:, 2] + part.quadric.q_xz * point[:, 0] < 1
+    return np.where((ahead & front)[:, None], point, np.nan)
+
+
+def _form(quadric: Quadric, a, b) -> np.ndarray:
+    """The quadric's bilinear form of vectors [n, 3]."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    q = quadric
+    return q.q_xx * ax * bx + q.q_yy * ay * by + q.q_zz * az * bz + q.q_xz * (ax * bz + az * bx)
+
+
+def _interact(part: Part, event: int, point, along) -> np.ndarray:
+    """Directions [n, 3] after an event, in the element's frame."""
+    if part.kind == "detector":
+        return along
+    if part.kind == "lens" and event == NOMINAL:
+        slopes = along[:, :2] / np.abs(along[:, 2:]) - point[:, :2] / part.focal_length_mm
+        return unit(np.column_stack([slopes, np.sign(along[:, 2])]))
+    q = part.quadric
+    normal = unit(np.column_stack([-(q.q_xx * point[:, 0] + q.q_xz * point[:, 2]), -q.q_yy * point[:, 1],
+                                    1 - q.q_zz * point[:, 2] - q.q_xz * point[:, 0]]))  # fmt: skip
+    cosine = np.sum(along * normal, -1, keepdims=True)
+    mirrored = along - 2 * cosine * normal
+    if part.refracts and event == GHOST:
+        return mirrored
+    if part.refracts and event == NOMINAL:
+        forth, back = part.index_front / part.index_back, part.index_back / part.index_front
+        tangential = np.where(cosine < 0, forth, back) * (along - cosine * normal)
+        behind = np.sqrt(1 - np.sum(tangential**2, -1, keepdims=True))
+        return tangential + np.sign(cosine) * behind * normal
+    reflects = part.kind == "mirror" and event == NOMINAL
+    return np.where((cosine < 0) & reflects, mirrored, np.nan)
+
+
+def unit(vectors) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -1,0 +1,1 @@
+"""A detector pixel's light in closed form."""

@@ -1,0 +1,150 @@
+"""Quadrature over the part of each detector pixel that sees the mirror.
+
+A whole pixel is a grid of boxes. Where the mirror's rim crosses a pixel, its cells are intervals that end on the rim. A
+rim that is seen through the whole aperture is not one line: from the aperture point (a, b) it looks pushed aside, and
+cells on it carry by how much.
+
+Positions are s (along the column) and t (along the row), over half a pixel's edge; a and b over the aperture's radius.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from irtscots_cl.optics.pixel.ray_map import PixelMap
+
+NEWTON_STEPS = 6  # for the rim's place in a pixel; it is nearly straight there
+
+
+@dataclass(frozen=True)
+class Cells:
+    """m cells of the n pixels of a PixelMap.
+
+    pixel: [m] index into the map, in growing order. s, t: [m] centres. half_s, half_t: [m] half-lengths. weight: [m]
+    share of the pixel's area. push: [2, m] growth of that share per unit of a and b, by the rim's moving aside.
+    """
+
+    pixel: np.ndarray
+    s: np.ndarray
+    t: np.ndarray
+    half_s: np.ndarray
+    half_t: np.ndarray
+    weight: np.ndarray
+    push: np.ndarray
+
+    def sum(self, values: np.ndarray, pixels: int) -> np.ndarray:
+        """Sums [pixels] over each pixel's cells of values [m]."""
+        return np.bincount(self.pixel, values, pixels)
+
+
+def whole_cells(pixel: np.ndarray, along_s: int, along_t: int) -> Cells:
+    """Whole pixels [k], each in along_s x along_t equal cells."""
+    s, t = ((2 * np.arange(count) + 1) / count - 1 for count in (along_s, along_t))
+    s, t = (np.tile(v.ravel(), len(pixel)) for v in np.meshgrid(s, t))
+    half = np.ones(len(s))
+    index = np.repeat(pixel, along_s * along_t)
+    return Cells(
+        index, s, t, half / along_s, half / along_t, half / (along_s * along_t), np.zeros((2, len(s)))
+    )  # fmt: skip
+
+
+def cut_cells(maps: PixelMap, pixel: np.ndarray, radius_mm: float, along: tuple[int, int], across: tuple) -> Cells:
+    """Cells of the parts of pixels [k] whose mirror points lie within radius_mm of the axis; none of no pixels.
+
+    Such a cell is an interval along s or t, whichever the rim crosses more steeply, at a Gauss point of the other.
+    along: intervals from side to rim, along s and along t. across: Gauss points, along s and along t.
+    """
+    zero = np.zeros(len(pixel))
+    chosen = maps.part(pixel)
+    steep_s = np.abs(_slope(chosen, "s", zero, zero)) >= np.abs(_slope(chosen, "t", zero, zero))
+    parts = []
+    for k, mask in enumerate((steep_s, ~steep_s)):
+        if mask.any():
+            parts.append(_cut_along(chosen.part(mask), pixel[mask], "st"[k], radius_mm, along[k], across[1 - k]))
+    return join(parts or [whole_cells(pixel, 1, 1)])
+
+
+def join(parts: list[Cells]) -> Cells:
+    """All cells of the parts, pixel by pixel."""
+    values = [np.concatenate([getattr(p, name) for p in parts], -1) for name in Cells.__dataclass_fields__]
+    order = np.argsort(values[0], kind="stable")
+    return Cells(*(v[..., order] for v in values))
+
+
+def without(outer: Cells, hole: Cells) -> Cells:
+    """The outer part less the hole's, which lies inside it."""
+    return join([outer, Cells(hole.pixel, hole.s, hole.t, hole.half_s, hole.half_t, -hole.weight, -hole.push)])
+
+
+def _radius2(maps: PixelMap, s, t) -> np.ndarray:
+    return maps.centre("x", s, t) ** 2 + maps.centre("y", s, t) ** 2
+
+
+def _slope(maps: PixelMap, along: str, s, t) -> np.ndarray:
+    """Derivative of the mirror point's squared distance from the axis."""
+    parts = (maps.centre(axis, s, t) * maps.gradient(axis, along, s, t) for axis in "xy")
+    return 2 * sum(parts)
+
+
+def _cut_along(maps: PixelMap, pixel: np.ndarray, along: str, radius_mm: float, inner: int, outer: int) -> Cells:
+    """cut_cells where the rim is crossed along one direction, "s" or "t", by all these pixels [k]."""
+
+    def at(inward, across):  # (s, t) of positions measured from the pixel's inner side
+        return (side * inward, across) if along == "s" else (across, side * inward)
+
+    zero = np.zeros(len(pixel))
+    side = np.sign(_slope(maps, along, zero, zero))  # the mirror's side of the rim is where inward is small
+    breaks = _breaks(lambda inward, across: _radius2(maps, *at(inward, across)) - radius_mm**2, len(pixel))
+    point, weight = np.polynomial.legendre.leggauss(outer)
+    start, length = breaks[:, :-1, None], np.diff(breaks, axis=1)[..., None]
+    across = (start + length * (point + 1) / 2).reshape(len(pixel), -1)
+    share = (length * weight / 4).reshape(len(pixel), -1)
+    side = side[:, None]
+    end = np.zeros_like(across)
+    for _ in range(NEWTON_STEPS):
+        s, t = at(end, across)
+        slope = side * _slope(maps, along, s, t)
+        end = np.clip(end - (_radius2(maps, s, t) - radius_mm**2) / slope, -1.0, 1.0)
+    s, t = at(end, across)
+    on_rim = np.abs(end) < 1.0
+    pushed = [
+        -2 * sum(maps.centre(axis, s, t) * maps.gradient(axis, name, s, t) for axis in "xy")
+        / (side * _slope(maps, along, s, t))
+        for name in "ab"
+    ]  # fmt: skip
+    # the inner intervals from -1 to the end, and the rim itself as cells without area
+    half = ((end + 1) / 2 / inner)[..., None]
+    centre = -1 + half * (2 * np.arange(inner) + 1)
+    inward = np.concatenate([centre, end[..., None]], -1)
+    halves = np.concatenate([np.broadcast_to(half, centre.shape), np.zeros((*end.shape, 1))], -1)
+    area = halves * share[..., None]
+    push = np.zeros((2, *area.shape))
+    push[..., -1] = np.where(on_rim, np.stack(pushed) * share / 2, 0.0)
+    s, t = at(inward.reshape(len(pixel), -1), np.repeat(across, inner + 1, axis=1))
+    index = np.repeat(pixel, s.shape[1])
+    keep = (area.ravel() > 0) | push.reshape(2, -1).any(0)
+    flat = [np.broadcast_to(v, s.shape).ravel()[keep] for v in (s, t)]
+    halves, zeros = halves.ravel()[keep], np.zeros(keep.sum())
+    lengths = (halves, zeros) if along == "s" else (zeros, halves)
+    return Cells(index[keep], *flat, *lengths, area.ravel()[keep], push.reshape(2, -1)[:, keep])
+
+
+def _breaks(excess, count: int) -> np.ndarray:
+    """Where the rim leaves pixels through their inner and outer side: [count, 6], from -1 to 1, growing.
+
+    excess(inward, across): squared distance beyond the rim; nearly quadratic along a side. A side without a crossing
+    repeats an end, which makes pieces of no length.
+    """
+    found = [np.full(count, -1.0), np.full(count, 1.0)]
+    for inward in (-1.0, 1.0):
+        edge = np.full(count, inward)
+        low, middle, high = (excess(edge, np.full(count, across)) for across in (-1.0, 0.0, 1.0))
+        bend, tilt = (low + high) / 2 - middle, (high - low) / 2
+        with np.errstate(invalid="ignore", divide="ignore"):
+            root = np.sqrt(tilt**2 - 4 * bend * middle)
+            larger = -(tilt + np.where(tilt < 0, -root, root)) / 2
+            roots = (larger / bend, middle / larger)
+        found += [np.clip(np.nan_to_num(r, nan=1.0, posinf=1.0, neginf=-1.0), -1.0, 1.0) for r in roots]
+    return np.sort(np.stack(found, 1), axis=1)

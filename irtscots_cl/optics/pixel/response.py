@@ -1,0 +1,229 @@
+"""The light of a detector pixel in closed form: how much of it lands below a line, and where its centre is.
+
+Under a pixel's quadratic map (pixelmap.py) the aperture point (a, b) lands at u0 + p a + q b + Q(a, b). The light at
+u < t is then that of the aperture disk cut by a straight line, whose area is paper Eq. (2); the quadratic Q bends the
+line and the weight cos^4 varies along the disk, both to first order in closed form too. What remains, the pixel's own
+area, is summed over cells (cells.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from irtscots_cl.optics.chief_rays import Calibration, calibrate
+from irtscots_cl.optics.pixel.chord import MIN_HALF_BOX, Chord, chord_integrals
+from irtscots_cl.optics.pixel.quadrature import Cells, cut_cells, join, whole_cells, without
+from irtscots_cl.optics.pixel.ray_map import PixelMap
+from irtscots_cl.scene.model import Scene
+
+MAX_RESIDUAL = 2e-3  # of the aperture image's radius: what a map's quadratic may leave
+MAX_BEND = 0.02  # of the same: beyond it the first order in Q is wrong by more than 4e-4
+MAX_PUSH = 0.02  # of a pixel: how far the rim may move aside over the aperture, to first order
+MAX_DIAGONAL = 1.0  # of a pixel on the mirror, over the radius of a rim or hole that crosses it in one direction
+CELL_SIZE = 0.2  # of the aperture image's radius: half of what a box's own image may cover
+POINT_STEP = 0.015  # of the same, between Gauss points on the rim
+CHUNK = 2**12  # cells worked on at a time: what they take stays in the cache
+ROUNDING = 1e-12  # of a pixel: what a difference of parts leaves of nothing
+
+
+@dataclass(frozen=True)
+class PixelLight:
+    """The light of a scene's pixels in closed form. pixels: [n] flat numbers of those looked at."""
+
+    calibration: Calibration
+    pixels: np.ndarray
+    maps: PixelMap
+    _cells: dict[str, Cells] = field(default_factory=dict, repr=False)  # what was asked for is kept
+    _means: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, calibration: Calibration, pixels: np.ndarray | None = None) -> PixelLight:
+        """The light of some pixels (flat numbers), or of all that can see the mirror."""
+        pixels = np.flatnonzero(calibration.sees_mirror) if pixels is None else pixels
+        row, column = np.divmod(pixels, calibration.shape[1])
+        return cls(calibration, pixels, PixelMap.of(calibration, row, column))
+
+    def spread(self, output: str, monomials: tuple[str, str]) -> np.ndarray:
+        return np.hypot(*(self.maps.term(output, m) for m in monomials))
+
+    def cells(self, output: str) -> Cells:
+        """Cells fine enough for the light along "u" or "v", made once."""
+        if output not in self._cells:
+            self._cells[output] = self._cut(output)
+        return self._cells[output]
+
+    def _cut(self, output: str) -> Cells:
+        maps, surface = self.maps, self.calibration.surface
+        box = [np.abs(maps.term(output, name)) / self.spread(output, ("a", "b")) for name in "st"]
+        box = [float(np.percentile(b[np.isfinite(b)], 99)) for b in box]
+        count = [int(np.clip(np.ceil(b / CELL_SIZE), 1, 16)) for b in box]
+        points = [int(np.clip(np.ceil(b / POINT_STEP), 8, 64)) for b in box]
+
+        farthest = maps.corner_radius.max(1)
+        in_hole = farthest <= surface.obscuration_radius_mm
+        rim, hole = (self._crossed(radius) for radius in (surface.aperture_radius_mm, surface.obscuration_radius_mm))
+        whole = (farthest <= surface.aperture_radius_mm) & ~in_hole
+        cells = join([
+            whole_cells(np.flatnonzero(whole), *count),
+            cut_cells(maps, np.flatnonzero(rim & ~in_hole), surface.aperture_radius_mm, count, points),
+        ])  # fmt: skip
+        return without(cells, cut_cells(maps, np.flatnonzero(hole), surface.obscuration_radius_mm, count, points))
+
+    def _crossed(self, radius_mm: float) -> np.ndarray:
+        """Pixels [n] that the circle of the rim or the hole may cross; none for a hole of no size."""
+        farthest, nearest = self.maps.corner_radius.max(1), self.maps.corner_radius.min(1)
+        return (farthest > radius_mm) & (nearest <= radius_mm + self._diagonal()) & (radius_mm > 0)
+
+    def _diagonal(self) -> np.ndarray:
+        return 2 * np.hypot(self.maps.term("x", "s"), self.maps.term("y", "t"))
+
+    def weight(self, s: np.ndarray, t: np.ndarray, pixel: np.ndarray, half_s=0.0, half_t=0.0) -> tuple[np.ndarray, ...]:
+        """Mean of cos^4 over cells of these centres and half-lengths, its relative growth per unit of s, t, a, b."""
+        camera = self.calibration.scene.camera
+        distance, pitch = camera.image_distance_mm, camera.detector.pitch_mm
+        x, y = self.calibration.image_point(self.maps.row[pixel] + t / 2, self.maps.column[pixel] + s / 2)
+        slope_x, slope_y = -x / distance, -y / distance
+        cosine2 = 1 / (1 + slope_x**2 + slope_y**2)
+        by_x, by_y = -4 * slope_x * cosine2, -4 * slope_y * cosine2
+        step, reach = pitch / 2 / distance, camera.aperture_diameter_mm / 2 / camera.focus_mm
+        bend_x, bend_y = (24 * slope**2 * cosine2**2 - 4 * cosine2 for slope in (slope_x, slope_y))
+        mean = 1 + step**2 * (bend_x * half_s**2 + bend_y * half_t**2) / 6
+        return cosine2**2 * mean, -by_x * step, -by_y * step, by_x * reach, by_y * reach
+
+    def valid(self) -> np.ndarray:
+        """Whether each pixel's light is given by the closed form; NaN in a map says no."""
+        maps = self.maps
+        footprint = np.hypot(maps.term("x", "s"), maps.term("y", "t"))
+        push = np.hypot(self.spread("x", ("a", "b")), self.spread("y", ("a", "b")))
+        surface = self.calibration.surface
+        with np.errstate(invalid="ignore", divide="ignore"):
+            good = push <= MAX_PUSH * footprint
+            for radius_mm in (surface.aperture_radius_mm, surface.obscuration_radius_mm):
+                good &= ~self._crossed(radius_mm) | (self._diagonal() <= MAX_DIAGONAL * radius_mm)
+            for k, output in enumerate("uv"):
+                radius = self.spread(output, ("a", "b"))
+                bend = np.abs([maps.term(output, m) for m in ("aa", "ab", "bb")]).max(0)
+                good &= (maps.residual[k] <= MAX_RESIDUAL * radius) & (bend <= MAX_BEND * radius)
+        return good
+
+    def extent(self, output: str) -> tuple[np.ndarray, np.ndarray]:
+        """Middle [n] of the pixels' light on the screen and how far it reaches from there, along "u" or "v", in mm.
+
+        Of the part that sees the mirror; NaN or not finite where there is none.
+        """
+        cells = self.cells(output)
+        maps = self.maps.part(cells.pixel)
+        half = sum(
+            np.abs(maps.gradient(output, along, cells.s, cells.t)) * length
+            + np.abs(maps.term(output, 2 * along)) * length**2
+            for along, length in (("s", cells.half_s), ("t", cells.half_t))
+        )
+        centre = maps.centre(output, cells.s, cells.t)
+        low, high = np.full(len(self.pixels), np.inf), np.full(len(self.pixels), -np.inf)
+        np.minimum.at(low, cells.pixel, centre - half)
+        np.maximum.at(high, cells.pixel, centre + half)
+        with np.errstate(invalid="ignore"):
+            return (low + high) / 2, (high - low) / 2 + 1.01 * self.spread(output, ("a", "b"))
+
+    def means(self, outputs: str) -> np.ndarray:
+        """Means [outputs, n] in mm over each pixel's light, of "u", "v", "x", "y"; NaN without any.
+
+        Of u and v they are the true centroids; x, y are the mirror point that they belong to.
+        """
+        for output in outputs:
+            if output not in self._means:
+                self._means[output] = self._mean(output)
+        return np.stack([self._means[output] for output in outputs])
+
+    def _mean(self, output: str) -> np.ndarray:
+        cells = self.cells({"x": "u", "y": "v"}.get(output, output))
+        s, t, maps = cells.s, cells.t, self.maps.part(cells.pixel)
+        weight, by_s, by_t, by_a, by_b = self.weight(s, t, cells.pixel, cells.half_s, cells.half_t)
+        p, q = maps.gradient(output, "a", s, t), maps.gradient(output, "b", s, t)
+        centre = self._centre(output, maps, cells, by_s, by_t)
+        centre = centre + (maps.term(output, "aa") + maps.term(output, "bb") + by_a * p + by_b * q) / 4
+        pushed = (cells.push[0] * p + cells.push[1] * q) / 4
+        total = np.where(self.coverage() > 0, cells.sum(weight * cells.weight, len(self.pixels)), np.nan)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return cells.sum(weight * (cells.weight * centre + pushed), len(self.pixels)) / total
+
+    def chord(self, output: str) -> Chord:
+        """The pixels' chords along "u" or "v"; all zero for a pixel without a map."""
+        term, zero = self.maps.term, np.zeros(len(self.pixels))
+        _, _, _, by_a, by_b = self.weight(zero, zero, np.arange(len(zero)))
+        p, q = term(output, "a"), term(output, "b")
+        other = {"u": "v", "v": "u"}[output]
+        a, b = term(other, "b"), -term(other, "a")  # along it the other coordinate stays
+        still = a * a + b * b == 0
+        a, b = np.where(still, p, a), np.where(still, q, b)
+        length = np.copysign(np.hypot(a, b), p * a + q * b)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            a, b = np.nan_to_num(a / length), np.nan_to_num(b / length)
+        slope = p * a + q * b
+        bend = term(output, "aa") * a * a + term(output, "ab") * a * b + term(output, "bb") * b * b
+        mirror = np.stack([term(axis, "a") * a + term(axis, "b") * b for axis in "xy"])
+        values = [slope, bend, by_a * a + by_b * b, mirror]
+        return Chord(np.stack([a, b]), *(np.where(np.isfinite(slope), v, 0.0) for v in values))
+
+    def coverage(self) -> np.ndarray:
+        """Share [n] of each pixel's footprint that lies on the mirror."""
+        cells = self.cells("u")
+        share = cells.sum(cells.weight, len(self.pixels))
+        return np.where(share > ROUNDING, share, 0.0)
+
+    def light(self, output: str, edges_mm: np.ndarray) -> np.ndarray:
+        """Shares [n, lines] of the pixels' areas times cos^4 between neighbouring edges_mm [n, lines + 1] of u or v."""
+        cells = self.cells(output)
+        below = np.zeros(edges_mm.shape)
+        for first in range(0, len(cells.pixel), CHUNK):
+            part = Cells(*(getattr(cells, name)[..., first : first + CHUNK] for name in Cells.__dataclass_fields__))
+            np.add.at(below, part.pixel, self._below(output, part, edges_mm[part.pixel]))
+        return np.diff(below, axis=1)
+
+    def _below(self, output: str, cells: Cells, edges_mm: np.ndarray) -> np.ndarray:
+        """Shares [m, edges] of the cells' light that land below the edges [m, edges]."""
+        s, t = cells.s, cells.t
+        maps = self.maps.part(cells.pixel)
+        weight, by_s, by_t, by_a, by_b = self.weight(s, t, cells.pixel, cells.half_s, cells.half_t)
+        p, q = maps.gradient(output, "a", s, t), maps.gradient(output, "b", s, t)
+        radius = np.hypot(p, q)
+        n_a, n_b = p / radius, q / radius
+        aa, ab, bb = (maps.term(output, name) for name in ("aa", "ab", "bb"))
+        bend_n = (aa * n_a**2 + ab * n_a * n_b + bb * n_b**2) / radius  # Q along the chord's normal, and along it
+        bend_t = (aa * n_b**2 - ab * n_a * n_b + bb * n_a**2) / radius
+        tau = (edges_mm - self._centre(output, maps, cells, by_s, by_t)[:, None]) / radius[:, None]
+        inside, halves = np.clip(tau, -1.0, 1.0), []
+        for half, along in ((cells.half_s, "s"), (cells.half_t, "t")):  # a box's image changes over the aperture
+            slope = maps.gradient(output, along, s, t)
+            turn = maps.term(output, along + "a") * n_a + maps.term(output, along + "b") * n_b
+            image = np.abs(slope[:, None] + turn[:, None] * inside) * (half / radius)[:, None]
+            halves.append(np.maximum(image, MIN_HALF_BOX))
+        half_s, half_t = halves
+        mass = weight * cells.weight
+        growth = mass * (by_a * n_a + by_b * n_b) + weight * (cells.push[0] * n_a + cells.push[1] * n_b)
+        factors = (mass, -mass * bend_n / np.pi, -(2 / 3) * (mass * bend_t + growth) / np.pi)
+        below = 0.0
+        for sign, shift in ((1, half_s + half_t), (-1, half_s - half_t), (-1, half_t - half_s), (1, -half_s - half_t)):
+            parts = chord_integrals(tau + shift)
+            below = below + sign * sum(f[:, None] * part for f, part in zip(factors, parts, strict=True))
+        return below / (4 * half_s * half_t)
+
+    def _centre(self, output: str, maps: PixelMap, cells: Cells, by_s, by_t) -> np.ndarray:
+        """Centre [m] of the light of the cells' own images along u or v, in mm.
+
+        Shifted from the image of the cell's centre by the image's curvature over the cell and by the weight's growth.
+        """
+        centre = maps.centre(output, cells.s, cells.t)
+        for half, along, growth in ((cells.half_s, "s", by_s), (cells.half_t, "t", by_t)):
+            slope = maps.gradient(output, along, cells.s, cells.t)
+            centre = centre + (maps.term(output, 2 * along) + growth * slope) * half**2 / 3
+        return centre
+
+
+@lru_cache(maxsize=4)
+def pixel_light(scene: Scene) -> PixelLight:
+    """The light of all of a scene's pixels, shared by all who ask for the same one."""
+    return PixelLight.of(calibrate(scene))

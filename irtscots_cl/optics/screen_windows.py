@@ -1,0 +1,49 @@
+"""The transport map's windows: which screen pixels are kept for each detector pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from irtscots_cl.optics.chief_rays import Calibration
+
+
+@dataclass(frozen=True)
+class Windows:
+    """pixels: [n] flat numbers of the detector pixels that can see the mirror; origins: [n, 2] first (column, row) of
+    each one's window on the screen; rows, columns: the size of all windows."""
+
+    pixels: np.ndarray
+    origins: np.ndarray
+    rows: int
+    columns: int
+
+    @property
+    def count(self) -> int:
+        """Bins in all windows together."""
+        return len(self.pixels) * self.rows * self.columns
+
+    def gather(self, of_screen: np.ndarray) -> np.ndarray:
+        """Values [rows, columns] of the screen's pixels in the windows [n, window rows, window columns]."""
+        column = self.origins[:, 0, None, None] + np.arange(self.columns)
+        row = self.origins[:, 1, None, None] + np.arange(self.rows)[:, None]
+        return of_screen[row, column]
+
+
+@lru_cache(maxsize=8)
+def place_windows(calibration: Calibration, margin: int) -> Windows:
+    """Windows of equal size around what the chief rays say, widened by margin screen pixels and kept on the screen."""
+    pixels = np.flatnonzero(calibration.sees_mirror)
+    lowest, highest = (edge.reshape(-1, 2)[pixels] for edge in calibration.landing_range())
+    size = np.array(calibration.scene.screen.pixels)
+    first = np.floor(np.clip(np.nan_to_num(lowest + 0.5, nan=0.0), -1e6, 1e6)).astype(int) - margin
+    last = np.floor(np.clip(np.nan_to_num(highest + 0.5, nan=0.0), -1e6, 1e6)).astype(int) + margin
+    on_screen = np.all((last >= 0) & (first < size), axis=-1)
+    extent = np.clip(last, 0, size - 1) - np.clip(first, 0, size - 1) + 1
+    columns, rows = extent[on_screen].max(0)
+    origins = np.clip(first, 0, size - [columns, rows]).astype(np.int32)
+    for array in (pixels, origins):
+        array.setflags(write=False)  # shared by all who ask for the same windows
+    return Windows(pixels, origins, int(rows), int(columns))

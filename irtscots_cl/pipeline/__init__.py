@@ -1,0 +1,1 @@
+"""The ready-made jobs: simulate, measure, reach a target."""

@@ -1,0 +1,83 @@
+"""Simulate a test and measure the mirror from its images."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from irtscots_cl.analysis.comparison import Comparison, compare
+from irtscots_cl.analysis.error_terms import ErrorPart, error_parts
+from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.measurement.methods import measure_by
+from irtscots_cl.measurement.prediction import predict_error
+from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.opencl.device import Device
+from irtscots_cl.report.facts import build_report
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.tracing.results.paths import PathLight
+from irtscots_cl.tracing.results.transport import LineLight, Transport
+from irtscots_cl.tracing.trace import trace
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished simulation and its measurement. parts: of the height error, where asked for. report: as report.json
+    holds it."""
+
+    transport: Transport | LineLight
+    stack: ImageStack
+    result: Reconstruction
+    comparison: Comparison
+    parts: tuple[ErrorPart, ...]
+    report: dict
+
+
+def simulate(
+    scene: Scene,
+    *,
+    measure: str = "paper",
+    parts: bool = False,
+    device: Device | Sequence[Device] | None = None,
+    client=None,
+    progress: Callable[[int, int], None] | None = None,
+    **trace_options,
+) -> Run:
+    """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
+
+    measure: a name of measures.MEASURES. parts: also separate the height error into its parts; rounding is told apart
+    on the first device, not with a client. device, client: as of `trace`. trace_options: estimator, sampler, precision,
+    rays_per_pixel, replicates, seed, aim, overfill, smoothing, keeper, finished of `trace`. Raises as `trace` and
+    `measure_by` do.
+    """
+    started = time.perf_counter()
+    transport = trace(scene, device=device, client=client, progress=progress, **trace_options)
+    traced = time.perf_counter()
+    stack = transport.images(LineScan(scene))
+    result = measure_by(measure, stack, scene.nominal())
+    measured = time.perf_counter()
+    comparison, predicted = compare(result, scene), predict_error(result, stack)
+    seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
+    first = device if device is None or isinstance(device, Device) else device[0]
+    separated = error_parts(result, scene, measure, transport.options, first) if parts else ()
+    report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
+    return Run(transport, stack, result, comparison, separated, report)
+
+
+def outlook(traced: Transport | LineLight | PathLight, measure: str) -> str:
+    """What a trace of some replicates says of the error, in words; "" where it says nothing yet."""
+    flux_w = traced.line_flux_w("x").sum((1, 2))
+    if len(flux_w) < 2 or not flux_w.all():
+        return ""
+    words = f"standard error of the flux {flux_w.std(ddof=1) / len(flux_w) ** 0.5 / flux_w.mean():.1g}"
+    stack = traced.images(LineScan(traced.scene))
+    try:
+        # refinement takes long, and leaves ray noise as it is
+        result = measure_by("fine" if measure == "refined" else measure, stack, traced.scene.nominal())
+    except ValueError:  # too little light yet
+        return words
+    height_nm = predict_error(result, stack).height_mm * 1e6
+    return f"{words}, height error {height_nm:.2g} nm" if np.isfinite(height_nm) else words

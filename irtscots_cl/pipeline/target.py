@@ -1,0 +1,189 @@
+"""The cheapest way to a wanted height error: settings predicted from small pilot runs, then run and checked.
+
+A setting's error has a part that no number of rays removes: what its measure makes of noise-free images, and rounding.
+Ray noise comes on top and falls as a power of the rays. Both are found by pilots, and so is the time of a ray.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from irtscots_cl.analysis.comparison import compare
+from irtscots_cl.analysis.error_terms import rounding_height_nm
+from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.measurement.methods import MEASURES, measure_by
+from irtscots_cl.measurement.prediction import predict_error
+from irtscots_cl.opencl.device import Device
+from irtscots_cl.pipeline.simulate import Run, simulate
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.tracing.options import ANALYTIC, ESTIMATORS, TraceOptions
+from irtscots_cl.tracing.trace import trace
+
+REPLICATES = 8
+PILOT_RAYS = {"adjoint": (128, 512), "forward": (2**14, 2**16)}  # per pixel: two runs tell how fast noise falls
+EXPONENTS = (-1.0, -0.5)  # of the noise in the rays: the best that can be hoped for, and independent rays
+MARGIN = 0.85  # of the target is aimed at: pilots know their noise to some percent
+CHEAP_SECONDS = 5.0  # refinement takes about as long by itself: it is looked at where nothing is cheaper
+RERUNS = 2  # with four times the rays each, should a run miss the target all the same
+MAX_RAYS = 2**40
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A way to trace and to measure, and what the pilots predict of it. height_nm: piston and tilt removed."""
+
+    estimator: str
+    sampler: str
+    precision: str
+    smoothing: bool
+    measure: str
+    rays_per_pixel: int
+    height_nm: float
+    floor_nm: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class _Noise:
+    """Ray noise of heights in nm at so many rays per pixel, by measure; how it falls; seconds of a ray per pixel."""
+
+    rays: int
+    height_nm: dict[str, float]
+    exponent: float
+    rounding_nm: float
+    seconds: float
+
+
+def check_target(target_nm: float, estimator: str) -> None:
+    """Refuse a target that is no number above 0, or an estimator without rays, with a ValueError."""
+    if not 0 < target_nm < np.inf:
+        raise ValueError(f"--target-nm = {target_nm}: must be above 0 and finite")
+    if estimator not in ESTIMATORS:
+        raise ValueError(f"--target-nm: --estimator = {estimator!r}: must be one of {', '.join(ESTIMATORS)}")
+
+
+def plan(scene: Scene, target_nm: float, device: Device, **fixed) -> list[Setting]:
+    """Settings that are predicted to meet the target, the cheapest first.
+
+    fixed: estimator, sampler, precision, smoothing, measure where the choice is not free. Raises ValueError if none
+    meets the target, or for a choice that is out of range.
+    """
+    check_target(target_nm, fixed.get("estimator", "adjoint"))
+    measures = [fixed["measure"]] if "measure" in fixed else list(MEASURES)
+    pilots = [(way, _pilot(scene, device, way, measures)) for way in _ways(device, fixed)]
+    found: list[Setting] = []
+    usable: list[Setting] = []
+    for name in measures:
+        if MEASURES[name].rounds and usable and usable[0].seconds < CHEAP_SECONDS:
+            continue
+        floor_nm, seconds = _floor(scene, name)
+        found += [_setting(way, name, noise, floor_nm, seconds, target_nm) for way, noise in pilots]
+        usable = sorted((s for s in found if s.rays_per_pixel <= MAX_RAYS), key=lambda s: s.seconds)
+    if not usable:
+        least = min(found, key=lambda s: s.floor_nm)
+        raise ValueError(
+            f"--target-nm = {target_nm}: scene {scene.name}: no setting gets there; must be above "
+            f"{least.floor_nm / MARGIN:.2g}, what is left without ray noise by --measure {least.measure} "
+            f"--precision {least.precision}"
+        )
+    return usable
+
+
+def _ways(device: Device, fixed: dict) -> list[TraceOptions]:
+    """The ways to trace that are looked at: smoothed Sobol rays unless something else was fixed."""
+    estimator = fixed.get("estimator", "adjoint")
+    precisions = [fixed["precision"]] if "precision" in fixed else ["fp32", "fp64"][: 1 + device.has_fp64]
+    sampler, smoothing = fixed.get("sampler", "sobol"), fixed.get("smoothing", estimator == "adjoint")
+    return [TraceOptions(estimator, sampler, precision, smoothing=smoothing) for precision in precisions]
+
+
+@lru_cache(maxsize=1)
+def _noise_free(scene: Scene) -> ImageStack:
+    """Images in closed form, the same for all measures."""
+    return trace(scene, estimator=ANALYTIC).images(LineScan(scene))
+
+
+def _floor(scene: Scene, measure: str) -> tuple[float, float]:
+    """Height error in nm of a measure on images without noise, and its seconds."""
+    stack = _noise_free(scene)
+    started = time.perf_counter()
+    result = measure_by(measure, stack, scene.nominal())
+    seconds = time.perf_counter() - started
+    return compare(result, scene).height_error_nm["piston_tilt"].value, seconds
+
+
+def _pilot(scene: Scene, device: Device, way: TraceOptions, measures: list[str]) -> _Noise:
+    """Two small runs: the noise that the larger one has under each measure, and how it fell from the smaller."""
+    simple = {name: "fine" if name == "refined" else name for name in measures}  # refinement leaves noise as it is
+    few, many = PILOT_RAYS[way.estimator]
+    heights = []
+    for rays in (few, many):
+        run = trace(scene, device=device, estimator=way.estimator, sampler=way.sampler, precision=way.precision,
+                    smoothing=way.smoothing, rays_per_pixel=rays, replicates=REPLICATES)  # fmt: skip
+        stack = run.images(LineScan(scene))
+        results = {name: measure_by(name, stack, scene.nominal()) for name in dict.fromkeys(simple.values())}
+        heights.append({name: predict_error(r, stack).ray_noise_height_mm * 1e6 for name, r in results.items()})
+    any_measure = next(iter(results))
+    fell = np.log(heights[1][any_measure] / heights[0][any_measure]) / np.log(many / few)
+    return _Noise(
+        many,
+        {name: heights[1][simple[name]] for name in measures},
+        float(np.clip(fell, *EXPONENTS)),
+        rounding_height_nm(results[any_measure], scene, way, device),
+        run.seconds["trace"] / many,
+    )
+
+
+def _setting(way: TraceOptions, measure: str, noise: _Noise, floor_nm: float, seconds: float, target: float) -> Setting:
+    """The rays that a way and a measure need; more than MAX_RAYS where no number of rays would do."""
+    floor_nm = float(np.hypot(floor_nm, noise.rounding_nm))
+    room = (MARGIN * target) ** 2 - floor_nm**2
+    rays = MAX_RAYS + 1
+    if room > 0:
+        wanted = noise.rays * (np.sqrt(room) / noise.height_nm[measure]) ** (1 / noise.exponent)
+        rays = REPLICATES * 2 ** int(np.ceil(np.log2(max(wanted / REPLICATES, 1.0))))  # Sobol points like powers of two
+    left = noise.height_nm[measure] * (rays / noise.rays) ** noise.exponent
+    return Setting(way.estimator, way.sampler, way.precision, way.smoothing, measure, rays,
+                   float(np.hypot(floor_nm, left)), floor_nm, seconds + rays * noise.seconds)  # fmt: skip
+
+
+def reach(
+    scene: Scene,
+    target_nm: float,
+    *,
+    device: Device,
+    seed: int = 1,
+    parts: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+    **fixed,
+) -> Run:
+    """Run the cheapest setting that is predicted to meet the target, with more rays should it miss.
+
+    fixed: see `plan`. The run's report says under "target" what was wanted, predicted and reached.
+    """
+    chosen = plan(scene, target_nm, device, **fixed)[0]
+    for attempt in range(1 + RERUNS):
+        run = simulate(
+            scene, device=device, seed=seed, parts=parts, progress=progress, replicates=REPLICATES,
+            estimator=chosen.estimator, sampler=chosen.sampler, precision=chosen.precision,
+            smoothing=chosen.smoothing, measure=chosen.measure, rays_per_pixel=chosen.rays_per_pixel,
+        )  # fmt: skip
+        reached = run.comparison.height_error_nm["piston_tilt"].value
+        if reached <= target_nm or attempt == RERUNS:
+            break
+        chosen = dataclasses.replace(chosen, rays_per_pixel=4 * chosen.rays_per_pixel)
+    facts = {
+        "target_nm": target_nm,
+        "reached_nm": reached,
+        "met": reached <= target_nm,
+        "attempts": attempt + 1,
+        "predicted": dataclasses.asdict(chosen),
+    }
+    return dataclasses.replace(run, report=run.report | {"target": facts})

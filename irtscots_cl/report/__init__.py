@@ -1,0 +1,1 @@
+"""Results for people and programs: tables, JSON, HTML, HDF5, figures."""

@@ -1,0 +1,115 @@
+"""The contents of report.json."""
+
+from __future__ import annotations
+
+import math
+
+from irtscots_cl.analysis.comparison import Comparison
+from irtscots_cl.analysis.error_terms import ErrorPart
+from irtscots_cl.analysis.stray_light import StrayLight
+from irtscots_cl.measurement.prediction import PredictedError
+from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.report.tables import as_xy, error_term_facts
+from irtscots_cl.system.versions import versions
+from irtscots_cl.tracing.results.paths import PathLight
+from irtscots_cl.tracing.results.transport import LineLight, Transport
+
+
+def build_report(
+    transport: Transport | LineLight,
+    measure: str,
+    result: Reconstruction,
+    comparison: Comparison,
+    predicted: PredictedError,
+    parts: tuple[ErrorPart, ...],
+    seconds: dict[str, float],
+) -> dict:
+    """The contents of report.json. measure: name of how it was measured. parts: of the height error,
+    or none. seconds: build, trace, reconstruct, total."""
+    height = {key: estimate.value for key, estimate in comparison.height_error_nm.items()}
+    return {
+        "scene": transport.scene.name,
+        "device": transport.device,
+        "estimator": transport.options.estimator,
+        "sampler": transport.options.sampler,
+        "precision": transport.options.precision,
+        "seed": transport.options.seed,
+        "aim": transport.options.aim,
+        "overfill": transport.options.overfill,
+        "smoothing": transport.options.smoothing,
+        "measure": measure,
+        "refinement_updates_nm": list(result.updates_nm),
+        "replicates": transport.replicates,
+        "versions": versions(),
+        "rays_total": transport.rays_total,
+        "rays_per_pixel": int(transport.rays.sum()),
+        "rays_per_second": transport.rays_total / seconds["trace"],
+        "seconds": seconds,
+        "ledger": transport.ledger,
+        "pixels_used": comparison.pixels_used,
+        "light_curves_refused": result.refused(),
+        "slope_error_urad_rms": {axis: e.value for axis, e in comparison.slope_error_urad.items()},
+        "slope_error_urad_rms_standard_error": {a: e.standard_error for a, e in comparison.slope_error_urad.items()},
+        "height_error_nm_rms": height,
+        "height_error_nm_rms_standard_error": {t: e.standard_error for t, e in comparison.height_error_nm.items()},
+        "height_standard_error_nm": comparison.height_standard_error_nm,
+        "predicted": {
+            "slope_error_urad_rms": as_xy(predicted.slope),
+            "slope_ray_noise_urad_rms": as_xy(predicted.ray_noise_slope),
+            "slope_line_sampling_urad_rms": as_xy(predicted.line_sampling_slope),
+            "height_error_nm_rms_piston_tilt": predicted.height_mm * 1e6,
+            "height_ray_noise_nm_rms": predicted.ray_noise_height_mm * 1e6,
+            "height_line_sampling_nm_rms": predicted.line_sampling_height_mm * 1e6,
+        },
+        "error_parts": [error_term_facts(part) for part in parts],
+        "zernike": [
+            {
+                "noll": row.noll,
+                "input_um": row.input_um,
+                "output_um": row.output_um,
+                "standard_error_um": row.standard_error_um,
+            }
+            for row in comparison.zernike
+        ],
+    }
+
+
+def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> dict:
+    """What `irtscots paths` tells of a non-sequential trace."""
+    direct = sum(path.flux_w for path in light.paths if path.kind == "direct")
+    return {
+        "scene": light.scene.name,
+        "device": light.device,
+        "sampler": light.options.sampler,
+        "precision": light.options.precision,
+        "seed": light.options.seed,
+        "replicates": light.replicates,
+        "rays_total": light.rays_total,
+        "seconds": light.seconds,
+        "rays_per_second": light.rays_total / light.seconds["trace"],
+        "ends": light.ends,
+        "launched_w": light.launched_w,
+        "direct_w": direct,
+        "staying": [
+            {"end": stays.name, "flux_w": stays.flux_w, "flux_standard_error_w": stays.standard_error_w}
+            for stays in light.staying
+        ],
+        "stray_light": [
+            {"kind": s.kind, "of_direct": s.of_direct, "height_nm_rms": s.height_nm.value,
+             "height_nm_rms_standard_error": s.height_nm.standard_error, "lost_pixels": s.lost_pixels}
+            for s in stray
+        ],
+        "paths": [
+            {
+                "path": path.name,
+                "kind": path.kind,
+                "flux_w": path.flux_w,
+                "flux_standard_error_w": path.standard_error_w,
+                "of_direct": path.flux_w / direct if direct else math.nan,
+                "rays": path.rays,
+                "focus_mm": path.focus_mm,
+                "blur_mm": path.blur_mm,
+            }
+            for path in light.paths
+        ],
+    }

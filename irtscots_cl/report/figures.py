@@ -1,0 +1,141 @@
+"""Figures of a run. Maps are drawn as one looks at the mirror: x to the right, y up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from irtscots_cl.analysis.comparison import Comparison
+from irtscots_cl.analysis.error_terms import ErrorPart
+from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.maths.low_order import remove_terms
+from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.optics.pixel.chord import chord_cdf
+from irtscots_cl.system.atomic_files import replacing
+
+
+def write_figures(
+    folder: Path,
+    stack: ImageStack,
+    result: Reconstruction,
+    comparison: Comparison | None,
+    parts: tuple[ErrorPart, ...] = (),
+) -> list[str]:
+    """Write the figures of a run as PNG files into the folder; returns their names.
+
+    comparison: of a simulation, whose truth is known; None for images from a lab. parts: of the height error, where it
+    was separated.
+    """
+    figures = {
+        "images.png": image_figure(stack),
+        "light_curve.png": light_curve_figure(stack, result),
+        "slopes.png": slope_figure(result),
+        "height.png": height_figure(result, comparison),
+    }
+    if parts:
+        figures["error_parts.png"] = parts_figure(result, parts)
+    for name, figure in figures.items():
+        with replacing(folder / name) as temporary:
+            figure.savefig(temporary, dpi=120)
+    return list(figures)
+
+
+def image_figure(stack: ImageStack) -> Figure:
+    """Camera images under a line at a third and one in the middle of each scan."""
+    figure = Figure(figsize=(10, 8.5), layout="tight")
+    for row, scan in zip(figure.subplots(2, 2), (stack.x, stack.y), strict=True):
+        count = len(scan.positions_mm)
+        for axes, line in zip(row, (count // 3, count // 2), strict=True):
+            picture = axes.imshow(scan.image(line), origin="lower", cmap="inferno")
+            axes.set(
+                title=f"{scan.axis} scan, line {line + 1} of {count} at {scan.positions_mm[line]:.2f} mm",
+                xlabel="detector column",
+                ylabel="detector row",
+            )
+            figure.colorbar(picture, ax=axes, label="flux [W]")
+    return figure
+
+
+def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
+    """Light curves of the used pixel nearest to the detector's centre, with centroids and the aperture's chord."""
+    rows, columns = np.nonzero(result.mask)
+    shape = result.mask.shape
+    middle = np.argmin((rows - (shape[0] - 1) / 2) ** 2 + (columns - (shape[1] - 1) / 2) ** 2)
+    row, column = rows[middle], columns[middle]
+    figure = Figure(figsize=(10, 4.2), layout="tight")
+    diameter = result.nominal.camera.aperture_diameter_mm
+    for axes, scan, centroid in zip(
+        figure.subplots(1, 2), (stack.x, stack.y), (result.centroid_x_mm, result.centroid_y_mm), strict=True
+    ):
+        n = np.flatnonzero(scan.pixels == row * shape[1] + column)[0]
+        curve, error = scan.mean_w()[n], scan.standard_error_w()[n]
+        inside = scan.lines[n] < len(scan.positions_mm)
+        position = scan.positions_mm[scan.lines[n][inside]]
+        centre = centroid[row, column]
+        axes.errorbar(position, curve[inside], error[inside], fmt="o", capsize=3, label="images")
+        line = np.linspace(centre - 0.8 * diameter, centre + 0.8 * diameter, 400)
+        pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else diameter
+        chord = chord_cdf((line - centre + pitch / 2) / (diameter / 2)) - chord_cdf(
+            (line - centre - pitch / 2) / (diameter / 2)
+        )
+        axes.plot(line, chord * curve.sum(), "k:", label="Eq. (2), unit magnification")
+        axes.axvline(centre, color="tab:red", lw=1, label=f"centroid {centre:.4f} mm")
+        axes.set(
+            title=f"{scan.axis} scan, pixel [{row}, {column}]",
+            xlabel=f"line {scan.axis} on the screen [mm]",
+            ylabel="flux [W]",
+            xlim=(line[0], line[-1]),
+        )
+        axes.legend(fontsize=8)
+    return figure
+
+
+def slope_figure(result: Reconstruction) -> Figure:
+    """Measured slopes in both directions."""
+    figure = Figure(figsize=(10, 4.2), layout="tight")
+    for axes, slope, axis in zip(figure.subplots(1, 2), (result.slope_x, result.slope_y), "xy", strict=True):
+        _map(figure, axes, result, slope * 1e3, f"slope {axis}", "mrad", "viridis")
+    return figure
+
+
+def height_figure(result: Reconstruction, comparison: Comparison | None) -> Figure:
+    """Height, deviation from the design and, where the truth is known, the error of the deviation."""
+    count = 2 if comparison is None else 3
+    figure = Figure(figsize=(5 * count, 4.2), layout="tight")
+    axes = figure.subplots(1, count)
+    _map(figure, axes[0], result, result.height_mm, "height", "mm", "viridis")
+    deviation = remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, "piston_tilt") * 1e6
+    _map(figure, axes[1], result, deviation, "deviation, piston and tilt removed", "nm", "RdBu_r")
+    if comparison is not None:
+        _map(figure, axes[2], result, comparison.error_mm * 1e6, "error, piston and tilt removed", "nm", "RdBu_r")
+    return figure
+
+
+def parts_figure(result: Reconstruction, parts: tuple[ErrorPart, ...]) -> Figure:
+    """A map for each part of the height error, each with its own scale."""
+    columns = min(4, len(parts))
+    rows = -(-len(parts) // columns)
+    figure = Figure(figsize=(4.6 * columns, 4.0 * rows), layout="tight")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, part in zip(grid, parts, strict=False):
+        _map(figure, axes, result, part.height_mm * 1e6, f"{part.name}: {part.height_nm:.2g} nm rms", "nm", "RdBu_r")
+    for axes in grid[len(parts) :]:
+        axes.set_axis_off()
+    return figure
+
+
+def _map(figure: Figure, axes, result: Reconstruction, values: np.ndarray, title: str, unit: str, colours: str) -> None:
+    """One map on the detector's grid, labelled with the mirror coordinates that its rows and columns see."""
+    limits = {}
+    if colours == "RdBu_r":
+        # single noisy rim pixels do not set the scale; a map of zeros has none
+        largest = np.nanpercentile(np.abs(values), 99.5) or 1.0
+        limits = {"vmin": -largest, "vmax": largest}
+    extent = (np.nanmin(result.x_mm), np.nanmax(result.x_mm), np.nanmin(result.y_mm), np.nanmax(result.y_mm))
+    used_rows, used_columns = np.nonzero(result.mask)
+    cut = values[used_rows.min() : used_rows.max() + 1, used_columns.min() : used_columns.max() + 1]
+    picture = axes.imshow(cut, origin="lower", extent=extent, cmap=colours, **limits)
+    axes.set(title=title, xlabel="mirror x [mm]", ylabel="mirror y [mm]")
+    figure.colorbar(picture, ax=axes, label=unit)

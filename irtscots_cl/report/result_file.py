@@ -1,0 +1,56 @@
+"""result.h5: images, maps and their units."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from irtscots_cl.imaging.image_stack import ImageStack, Scan
+from irtscots_cl.maths.statistics import jackknife_error
+from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.system.atomic_files import replacing
+
+
+def write_result(path: Path, stack: ImageStack, result: Reconstruction, attributes: dict[str, str]) -> None:
+    """Write result.h5: images [lines, rows, columns] in W with standard errors, lines, mirror points, mask, centroids,
+    slopes and height. attributes: of the file (scene as TOML, seed, device, versions)."""
+    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+        for key, value in attributes.items():
+            file.attrs[key] = value
+        for scan in (stack.x, stack.y):
+            jackknife = scan.jackknife_w()
+            _write_images(file, f"images/{scan.axis}", scan, jackknife[0])
+            _write_images(file, f"images/{scan.axis}_standard_error", scan, jackknife_error(jackknife))
+            _write(file, f"lines/{scan.axis}_mm", scan.positions_mm, "mm")
+        for name, values, unit in (
+            ("mirror/x_mm", result.x_mm, "mm"),
+            ("mirror/y_mm", result.y_mm, "mm"),
+            ("mask", result.mask, "1"),
+            ("flags", result.flags, "1"),
+            ("centroid/x_mm", result.centroid_x_mm, "mm"),
+            ("centroid/y_mm", result.centroid_y_mm, "mm"),
+            ("slope/x_rad", result.slope_x, "rad"),
+            ("slope/y_rad", result.slope_y, "rad"),
+            ("height_mm", result.height_mm, "mm"),
+            ("deviation_nm", result.deviation_mm * 1e6, "nm"),
+            ("height_standard_error_nm", result.height_standard_error_mm() * 1e6, "nm"),
+        ):
+            _write(file, name, values, unit)
+
+
+def _write(file: h5py.File, name: str, values: np.ndarray, unit: str) -> None:
+    file.create_dataset(name, data=values, compression="gzip", compression_opts=1, shuffle=True)
+    file[name].attrs["unit"] = unit
+
+
+def _write_images(file: h5py.File, name: str, scan: Scan, values: np.ndarray) -> None:
+    """Line by line: the whole stack of a large screen never stands in memory."""
+    shape = (len(scan.positions_mm), *scan.shape)
+    images = file.create_dataset(
+        name, shape, np.float64, chunks=(1, *scan.shape), compression="gzip", compression_opts=1, shuffle=True
+    )
+    images.attrs["unit"] = "W"
+    for line in range(shape[0]):
+        images[line] = scan.image(line, values)

@@ -1,0 +1,168 @@
+"""Results as tables, for the terminal and the HTML page."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from irtscots_cl.analysis.error_terms import ErrorPart
+from irtscots_cl.maths.statistics import Estimate
+
+
+@dataclass(frozen=True)
+class Table:
+    """A titled table of strings."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+
+
+def path_tables(facts: dict) -> list[Table]:
+    """The paths by flux, and where all rays ended and all light stayed."""
+    shown = [path for path in facts["paths"] if path["rays"]]
+    stray = [(s["kind"], f"{s['of_direct']:.3g}",
+              str(Estimate(s["height_nm_rms"], s["height_nm_rms_standard_error"])), str(s["lost_pixels"]))
+             for s in facts["stray_light"]]  # fmt: skip
+    flux = {s["end"]: str(Estimate(s["flux_w"], s["flux_standard_error_w"])) for s in facts["staying"] if s["flux_w"]}
+    flux |= {"launched": f"{facts['launched_w']:.5g}", "detected": f"{sum(p['flux_w'] for p in facts['paths']):.5g}"}
+    ends = [(end, f"{count:,}", flux.get(end, "")) for end, count in facts["ends"].items() if count or end in flux]
+    return [
+        Table(
+            f"{facts['scene']}: paths from the screen to the detector",
+            ("path", "kind", "flux [W]", "of direct", "rays", "focus [mm]", "blur [mm]"),
+            [(p["path"], p["kind"], str(Estimate(p["flux_w"], p["flux_standard_error_w"])), f"{p['of_direct']:.3g}",
+              f"{p['rays']:,}", _short_mm(p["focus_mm"]), _short_mm(p["blur_mm"])) for p in shown],
+        ),
+        *([Table("What it adds to the height, piston and tilt removed",
+                 ("light", "of direct", "height [nm rms]", "pixels lost"), stray)] if stray else []),
+        Table("Rays by where they ended, and the light that stayed there", ("", "rays", "flux [W]"), ends),
+    ]  # fmt: skip
+
+
+def _short_mm(length_mm: float) -> str:
+    """A length to a micrometre, nothing where there is none."""
+    return f"{round(length_mm, 3) + 0.0:.3f}" if math.isfinite(length_mm) else ""  # + 0.0: no minus before a zero
+
+
+def error_term_facts(part: ErrorPart) -> dict:
+    slopes = dict(zip("xy", part.slope_urad, strict=True))
+    return {"part": part.name, "slope_urad_rms": slopes, "height_nm_rms": part.height_nm}
+
+
+def as_xy(values: tuple[float, float]) -> dict[str, float]:
+    return {"x": values[0] * 1e6, "y": values[1] * 1e6}
+
+
+def summary_tables(report: dict) -> list[Table]:
+    """The short tables of a run: speed, errors beside their predictions, Zernike coefficients of the scene."""
+    tables = [_run_table(report), _error_table(report)]
+    if report["error_parts"]:
+        tables.append(_parts_table(report))
+    if "target" in report:
+        tables.insert(0, _target_table(report["target"]))
+    rows = [row for row in report["zernike"] if row["input_um"] != 0]
+    if rows:
+        tables.append(
+            Table(
+                "Zernike coefficients (Noll)",
+                ("term", "in [um]", "out [um]", "difference [nm]"),
+                [
+                    (
+                        str(row["noll"]),
+                        f"{row['input_um']:.4f}",
+                        str(Estimate(row["output_um"], row["standard_error_um"])),
+                        f"{(row['output_um'] - row['input_um']) * 1e3:+.2f}",
+                    )
+                    for row in rows
+                ],
+            )
+        )
+    return tables
+
+
+def _run_table(report: dict) -> Table:
+    seconds, ledger, refused = report["seconds"], report["ledger"], report["light_curves_refused"]
+    fates = ", ".join(
+        f"{name.replace('_', ' ')} {count:,}" for name, count in ledger.items() if count and name != "launched"
+    )
+    return Table(
+        f"{report['scene']}, {report['estimator']} estimator on {report['device']['name']}",
+        ("", ""),
+        [
+            ("rays", f"{report['rays_total']:,}"),
+            ("rays/s", f"{report['rays_per_second'] / 1e6:.1f} M"),
+            ("seconds", ", ".join(f"{name} {value:.2f}" for name, value in seconds.items())),
+            ("ledger", fates),
+            ("pixels used", pixels_text(report["pixels_used"], refused)),
+        ],
+    )
+
+
+def measured_table(facts: dict) -> Table:
+    """What pipeline.measure found in a lab's images."""
+    rows = [("pixels used", pixels_text(facts["pixels_used"], facts["light_curves_refused"]))]
+    rows += [(f"without {terms.replace('_', ', ')} [nm]", f"{v:.4g}") for terms, v in facts["deviation_nm_rms"].items()]
+    return Table("Deviation from the design, rms", ("", ""), rows)
+
+
+def pixels_text(used: int, refused: dict[str, int]) -> str:
+    """Pixels used and, where there are any, those on the mirror whose light curves were refused."""
+    return ", ".join([f"{used:,}", *(f"not used: {count:,} {name}" for name, count in refused.items() if count)])
+
+
+def _shown(value: float) -> str:
+    """Three digits, or a dash for a number that does not exist."""
+    return f"{value:.3g}" if math.isfinite(value) else "-"
+
+
+def _error_table(report: dict) -> Table:
+    predicted, rows = report["predicted"], []
+    for axis in ("x", "y"):
+        estimate = Estimate(report["slope_error_urad_rms"][axis], report["slope_error_urad_rms_standard_error"][axis])
+        rows.append(
+            (
+                f"slope {axis} [urad]",
+                str(estimate),
+                _shown(predicted["slope_error_urad_rms"][axis]),
+                _shown(predicted["slope_ray_noise_urad_rms"][axis]),
+                _shown(predicted["slope_line_sampling_urad_rms"][axis]),
+            )
+        )
+    for terms, value in report["height_error_nm_rms"].items():
+        estimate = Estimate(value, report["height_error_nm_rms_standard_error"][terms])
+        parts = (
+            [
+                _shown(predicted[key])
+                for key in ("height_error_nm_rms_piston_tilt", "height_ray_noise_nm_rms", "height_line_sampling_nm_rms")
+            ]
+            if terms == "piston_tilt"
+            else [""] * 3
+        )
+        rows.append((f"height without {terms.replace('_', ', ')} [nm]", str(estimate), *parts))
+    return Table("Error, rms over the pixels used", ("", "actual", "predicted", "ray noise", "line sampling"), rows)
+
+
+def _target_table(target: dict) -> Table:
+    chosen = target["predicted"]
+    rows = [
+        ("reached", f"{target['reached_nm']:.3g} nm" + ("" if target["met"] else ": MISSED")),
+        ("predicted", f"{chosen['height_nm']:.3g} nm, of which {chosen['floor_nm']:.3g} nm without ray noise"),
+        (
+            "setting",
+            f"--estimator {chosen['estimator']} --sampler {chosen['sampler']} --precision {chosen['precision']} "
+            f"{'--smoothing ' * chosen['smoothing']}--measure {chosen['measure']} "
+            f"--rays-per-pixel {chosen['rays_per_pixel']}",
+        ),
+        ("runs", str(target["attempts"])),
+    ]
+    return Table(f"Target: height error {target['target_nm']:g} nm, piston and tilt removed", ("", ""), rows)
+
+
+def _parts_table(report: dict) -> Table:
+    rows = [
+        (part["part"], *(_shown(part["slope_urad_rms"][axis]) for axis in "xy"), _shown(part["height_nm_rms"]))
+        for part in report["error_parts"]
+    ]
+    head = ("", "slope x [urad]", "slope y [urad]", "height [nm]")
+    return Table("Parts of the height error, rms, piston and tilt removed", head, rows)

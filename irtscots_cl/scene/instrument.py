@@ -1,0 +1,111 @@
+"""Screen, camera and detector of a scene."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from irtscots_cl.scene.element import MIN_SINE_TO_Y
+from irtscots_cl.scene.validation import (
+    Fraction,
+    OffsetMm,
+    OptionalMm,
+    PixelGrid,
+    PointMm,
+    PositiveMm,
+    Radiance,
+    checked,
+    refuse,
+)
+
+MAX_SCREEN_PIXELS = 2**26
+MAX_DETECTOR_PIXELS = 2**24
+MAX_VIEW_RAD = math.radians(89.0)
+
+
+def _check_direction(device: Screen | Camera) -> None:
+    """A device's frame needs a direction to look in, and one that is not the world's Y."""
+    x, y, z = (a - b for a, b in zip(device.position_mm, device.look_at_mm, strict=True))
+    if x == y == z == 0.0:
+        refuse(("position_mm",), device.position_mm, "differ from look_at_mm, for a direction to look in")
+    if math.hypot(x, z) <= MIN_SINE_TO_Y * math.hypot(x, y, z):
+        refuse(("position_mm",), device.position_mm, "not lie along Y from look_at_mm: no x axis")
+
+
+def _check_pixels(pixels: tuple[int, int], most: int) -> None:
+    if pixels[0] * pixels[1] > most:
+        refuse(("pixels",), pixels, f"be at most {most} pixels in all")
+
+
+@checked("screen")
+class Screen:
+    """A Lambertian screen; `centre_offset_mm` moves its grid of square pixels in the screen's own x, y."""
+
+    position_mm: PointMm
+    pixels: PixelGrid
+    pitch_mm: PositiveMm
+    look_at_mm: PointMm = (0.0, 0.0, 0.0)
+    radiance: Radiance = 1.0
+    emission: Annotated[Literal["lambertian"], Field(description="'lambertian'")] = "lambertian"
+    centre_offset_mm: OffsetMm = (0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _check(self) -> Screen:
+        _check_pixels(self.pixels, MAX_SCREEN_PIXELS)
+        _check_direction(self)
+        return self
+
+
+@checked("detector")
+class Detector:
+    """A grid of square pixels behind the lens."""
+
+    pixels: PixelGrid
+    pitch_mm: PositiveMm
+
+    @model_validator(mode="after")
+    def _check(self) -> Detector:
+        _check_pixels(self.pixels, MAX_DETECTOR_PIXELS)
+        return self
+
+
+@checked("camera")
+class Camera:
+    """An aperture at `position_mm` with a paraxial lens in it, and the detector where `focus_mm` is imaged sharply.
+
+    lens = "elements": no lens in the aperture, the scene's elements take its place; focal_length_mm is then theirs, for
+    the calibration. detector_distance_mm: from the aperture to the detector, if not where a paraxial lens images.
+    """
+
+    position_mm: PointMm
+    aperture_diameter_mm: PositiveMm
+    focal_length_mm: PositiveMm
+    detector: Annotated[Detector, Field(description="a table [camera.detector]")]
+    look_at_mm: PointMm = (0.0, 0.0, 0.0)
+    focus_distance_mm: OptionalMm = None
+    transmittance: Fraction = 1.0
+    lens: Annotated[Literal["paraxial", "elements"], Field(description="paraxial or elements")] = "paraxial"
+    detector_distance_mm: OptionalMm = None
+
+    @property
+    def focus_mm(self) -> float:
+        """Distance in front of the lens that is in focus."""
+        return self.focus_distance_mm or math.dist(self.position_mm, self.look_at_mm)
+
+    @property
+    def image_distance_mm(self) -> float:
+        """From a paraxial lens to the sharp image: 1 / (1 / focal_length_mm - 1 / focus_mm)."""
+        return self.focal_length_mm / (1.0 - self.focal_length_mm / self.focus_mm)
+
+    @model_validator(mode="after")
+    def _check(self) -> Camera:
+        _check_direction(self)
+        if not self.focal_length_mm / self.focus_mm < 1.0:
+            if self.focus_distance_mm is not None:
+                must = f"be above focal_length_mm ({self.focal_length_mm!r})"
+                refuse(("focus_distance_mm",), self.focus_distance_mm, must)
+            must = f"be below {self.focus_mm:.10g}, the distance to look_at_mm, which is in focus"
+            refuse(("focal_length_mm",), self.focal_length_mm, must)
+        return self

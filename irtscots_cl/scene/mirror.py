@@ -1,0 +1,78 @@
+"""The mirror of a scene: a conic with Zernike deviations."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from irtscots_cl.scene.validation import Coefficients, Conic, Fraction, NonNegativeMm, PositiveMm, checked, refuse
+
+MAX_RADIAL_ORDER = 40
+
+
+def _radial_order(ordering: str, index: int) -> int:
+    """Radial order n of a term; fringe group g = (n + |m|) / 2 has 2 g + 1 terms, n from g to 2 g."""
+    if ordering == "fringe":
+        group = math.isqrt(index - 1)
+        return group + (index - 1 - group * group) // 2
+    return (math.isqrt(8 * (index - (ordering == "noll")) + 1) - 1) // 2
+
+
+@checked("zernike")
+class ZernikeTerms:
+    """Deviation from the nominal surface, in um, on the disk of `radius_mm` about the mirror's centre."""
+
+    radius_mm: PositiveMm
+    ordering: Annotated[Literal["noll", "fringe", "osa"], Field(description="one of noll, fringe, osa")]
+    coefficients_um: Coefficients
+
+    @model_validator(mode="after")
+    def _check(self) -> ZernikeTerms:
+        lowest, highest = {"noll": (1, 861), "fringe": (1, 1602), "osa": (0, 860)}[self.ordering]
+        for index, value in self.coefficients_um.items():
+            if not lowest <= index <= highest or _radial_order(self.ordering, index) > MAX_RADIAL_ORDER:
+                must = f"have a {self.ordering} index from {lowest} to {highest}"
+                must += f", of radial order at most {MAX_RADIAL_ORDER}"
+                refuse(("coefficients_um", index), value, must)
+        return self
+
+    def __hash__(self) -> int:  # a dict has none
+        return hash((self.radius_mm, self.ordering, frozenset(self.coefficients_um.items())))
+
+
+@checked("mirror")
+class Mirror:
+    """A concave conic of revolution or an off-axis piece of one, its rim and its central hole round."""
+
+    radius_mm: PositiveMm
+    diameter_mm: PositiveMm
+    conic: Conic = 0.0
+    off_axis_mm: NonNegativeMm = 0.0
+    obscuration_mm: NonNegativeMm = 0.0
+    reflectance: Fraction = 1.0
+    zernike: Annotated[tuple[ZernikeTerms, ...], Field(description="tables [[mirror.zernike]]")] = ()
+    scatter: Annotated[Any, Field(description="a table [mirror.scatter]")] = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Mirror:
+        if self.scatter is not None and not hasattr(self.scatter, "tis_at"):
+            refuse(("scatter",), self.scatter, "be a model of irtscots_cl.scatter")
+        if not self.obscuration_mm < self.diameter_mm:
+            refuse(("obscuration_mm",), self.obscuration_mm, f"be below diameter_mm ({self.diameter_mm!r})")
+        rim_mm, curvature = self.off_axis_mm + self.diameter_mm / 2, 1.0 + self.conic
+        if curvature > 0 and curvature * rim_mm * rim_mm >= self.radius_mm * self.radius_mm:
+            reach_mm = self.radius_mm / math.sqrt(curvature)
+            if reach_mm <= self.off_axis_mm:
+                refuse(("off_axis_mm",), self.off_axis_mm, f"be below {reach_mm:.10g}, where the conic ends")
+            limit_mm = 2 * (reach_mm - self.off_axis_mm)
+            refuse(("diameter_mm",), self.diameter_mm, f"be below {limit_mm:.10g}, where the conic ends")
+        for k, terms in enumerate(self.zernike):
+            if terms.radius_mm < self.diameter_mm / 2:
+                must = f"be at least half of diameter_mm ({self.diameter_mm / 2!r}), to cover the mirror"
+                refuse(("zernike", k, "radius_mm"), terms.radius_mm, must)
+            if terms.radius_mm != self.zernike[0].radius_mm:
+                must = f"be the first table's ({self.zernike[0].radius_mm!r}): all terms share one disk"
+                refuse(("zernike", k, "radius_mm"), terms.radius_mm, must)
+        return self

@@ -1,0 +1,135 @@
+"""What a test consists of: mirror, screen and camera as frozen, checked dataclasses, and their TOML form.
+
+Lengths are in mm, radiance in W/(mm^2 sr). The world is the mirror's frame: origin at its vertex (off-axis:
+at the point of the surface at the segment's centre), +Z along the surface normal there towards screen and
+camera, +X away from the parent's axis. A device looks from `position_mm` at `look_at_mm`; its x axis is
+unit(Y_world x z).
+
+Every refusal, of a file or of a constructor's argument, is a `SceneError` of one line; see checked.py.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import re
+from typing import Annotated, Any
+
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
+
+from irtscots_cl.scene.element import Element
+from irtscots_cl.scene.instrument import MAX_VIEW_RAD, Camera, Screen
+from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
+from irtscots_cl.scene.toml import toml_table
+from irtscots_cl.scene.validation import SceneName, checked, nearest, problem, refuse, shown_word, translate
+
+MAX_ELEMENTS = 16  # beside the scene's own: all events of an element fit six bits of a path
+ZERNIKE_KEYS = {"noll_um": "noll", "fringe_um": "fringe", "osa_um": "osa"}
+
+
+@checked("scene")
+class Scene:
+    """One test: what is measured and with what."""
+
+    name: SceneName
+    mirror: Annotated[Mirror, Field(description="a table [mirror]")]
+    screen: Annotated[Screen, Field(description="a table [screen]")]
+    camera: Annotated[Camera, Field(description="a table [camera]")]
+    element: Annotated[tuple[Element, ...], Field(description="tables [[element]]")] = ()
+
+    @model_validator(mode="after")
+    def _check(self) -> Scene:
+        names = [element.name for element in self.element]
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                refuse(("element", k, "name"), name, "be different from the names of the elements before it")
+        if len(names) > MAX_ELEMENTS:
+            refuse(("element",), len(names), f"be at most {MAX_ELEMENTS} tables [[element]]")
+        for key, device in (("screen", self.screen), ("camera", self.camera)):
+            x, y, z = device.position_mm
+            # Over the mirror a device stands above the surface, beside it above the rim. A segment gets the
+            # sag of its parent's middle: near enough, a device that sees the whole mirror is far above both.
+            radius, r = self.mirror.radius_mm, min(math.hypot(x, y), self.mirror.diameter_mm / 2)
+            root = math.sqrt(max(radius * radius - (1.0 + self.mirror.conic) * r * r, 0.0))
+            sag_mm = r * r / (radius + root)
+            if not z > sag_mm:
+                must = f"lie in front of the mirror: z above {sag_mm:.10g}"
+                refuse((key, "position_mm"), device.position_mm, must)
+            away = math.hypot(x, y, z)
+            look = [b - a for a, b in zip(device.position_mm, device.look_at_mm, strict=True)]
+            cosine = -sum(u / away * v / math.hypot(*look) for u, v in zip((x, y, z), look, strict=True))
+            if not cosine > math.cos(MAX_VIEW_RAD):
+                must = "look from position_mm within 89 degrees of the mirror's vertex"
+                refuse((key, "look_at_mm"), device.look_at_mm, must)
+        return self
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any], source: str = "scene") -> Scene:
+        """The scene of a parsed TOML file; raises SceneError, in which `source` stands for the file."""
+        mirror = data.get("mirror") if isinstance(data, dict) else None
+        entries = mirror.get("zernike") if isinstance(mirror, dict) else None
+        if isinstance(entries, list):
+            terms = [_zernike_from_toml(e, source, ("mirror", "zernike", k)) for k, e in enumerate(entries)]
+            mirror = {**mirror, "zernike": terms}
+        mirror = _with_scatter(mirror, source, ("mirror",))
+        data = {**data, "mirror": mirror} if isinstance(mirror, dict) else data
+        if isinstance(data, dict) and isinstance(data.get("element"), list):
+            elements = [_with_scatter(entry, source, ("element", k)) for k, entry in enumerate(data["element"])]
+            data = {**data, "element": elements}
+        return _validated(cls, data, source)
+
+    @property
+    def is_sequential(self) -> bool:
+        """Whether its light goes from screen to mirror to a paraxial camera and nowhere else."""
+        return not self.element and self.camera.lens == "paraxial" and self.mirror.scatter is None
+
+    def nominal(self) -> Scene:
+        """The same test of the mirror as designed: without its deviation."""
+        return dataclasses.replace(self, mirror=dataclasses.replace(self.mirror, zernike=()))
+
+    def to_toml(self) -> str:
+        """TOML text that loads back to an equal scene."""
+        return toml_table((), self).lstrip("\n")
+
+
+# --- the TOML form ------------------------------------------------------------------------------------------
+_adapter = functools.cache(TypeAdapter)
+
+
+def _validated(kind: Any, data: object, source: str, prefix: tuple[Any, ...] = (), rename: str = "") -> Any:
+    try:
+        return _adapter(kind).validate_python(data)
+    except ValidationError as error:
+        raise translate(error, kind, source, prefix, rename) from None
+
+
+def _with_scatter(table: object, source: str, steps: tuple[Any, ...]) -> object:
+    """The table with its scatter, if it has any, as a model."""
+    if not isinstance(table, dict) or "scatter" not in table:
+        return table
+    from irtscots_cl.scene.scatter.toml import scatter_from_table  # few scenes wait for NumPy
+
+    return {**table, "scatter": scatter_from_table(table["scatter"], source, (*steps, "scatter"))}
+
+
+def _zernike_from_toml(entry: object, source: str, prefix: tuple[Any, ...]) -> ZernikeTerms:
+    """`{ radius_mm = 532.0, noll_um = { 6 = 0.3266 } }`: the key tells the ordering."""
+    if not isinstance(entry, dict):
+        raise problem(source, prefix, "must be a table [[mirror.zernike]]", entry)
+    allowed = ["radius_mm", *ZERNIKE_KEYS]
+    for key in entry:
+        if key not in allowed:
+            raise problem(source, (*prefix, key), f"unknown key; {nearest(shown_word(key), allowed)}")
+    keys = [key for key in entry if key in ZERNIKE_KEYS]
+    if len(keys) != 1:
+        raise problem(source, prefix, f"needs exactly one of {', '.join(ZERNIKE_KEYS)}")
+    key, terms = keys[0], entry[keys[0]]
+    if isinstance(terms, dict):
+        for index, value in terms.items():
+            if not (isinstance(index, str) and re.fullmatch("0|[1-9][0-9]{0,5}", index)):
+                raise problem(source, (*prefix, key, index), "must have an integer index as its key", value)
+        terms = {int(index): value for index, value in terms.items()}
+    fields = {"radius_mm": entry["radius_mm"]} if "radius_mm" in entry else {}
+    fields |= {"ordering": ZERNIKE_KEYS[key], "coefficients_um": terms}
+    return _validated(ZernikeTerms, fields, source, prefix, rename=key)

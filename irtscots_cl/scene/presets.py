@@ -1,0 +1,89 @@
+"""The scenes that ship with the package, and loading a scene by preset name or from a TOML file."""
+
+from __future__ import annotations
+
+import os
+from importlib import resources
+from typing import Any
+
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.validation import nearest, problem
+
+MAX_FILE_BYTES = 2**20
+
+
+def _folder() -> Any:
+    return resources.files(__package__).joinpath("preset_scenes")
+
+
+def preset_names() -> list[str]:
+    """The names that `load_scene` knows, in alphabetical order."""
+    names = (file.name for file in _folder().iterdir())
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+
+
+def sequential_presets() -> list[str]:
+    """Those that every estimator sees all of."""
+    return [name for name in preset_names() if load_scene(name).is_sequential]
+
+
+def preset_text(name: str) -> str:
+    """TOML text of a preset, comments included; SceneError for a name that is not in `preset_names()`."""
+    names = preset_names()
+    if name not in names:  # so no name can lead out of the folder
+        hint = nearest(str(name), names)
+        known = f"allowed: {', '.join(names)}"
+        hint = known if hint == known else f"{hint} {known}"
+        raise problem(str(name)[:100] or "''", (), f"unknown scene; {hint}, or a path that ends in .toml")
+    return _folder().joinpath(f"{name}.toml").read_text(encoding="utf-8")
+
+
+def load_scene(name_or_path: str | os.PathLike[str]) -> Scene:
+    """The scene of a preset or a TOML file; a string with a path separator or ending in .toml is a path.
+
+    Raises SceneError for whatever is wrong with the name, the file or a value in it.
+    """
+    if not isinstance(name_or_path, (str, os.PathLike)):
+        raise problem("scene", (), "must be a preset name or the path of a TOML file", name_or_path)
+    source = os.fsdecode(name_or_path)
+    is_name = isinstance(name_or_path, str) and not _is_path(source)
+    data = preset_text(source).encode("utf-8") if is_name else _read(source)
+    return Scene.from_dict(_parse(data, source), source)
+
+
+def parse_scene(text: str, source: str = "scene") -> Scene:
+    """The scene of TOML text; raises SceneError, in which `source` stands for where it came from."""
+    return Scene.from_dict(_parse(text.encode("utf-8"), source), source)
+
+
+def _is_path(text: str) -> bool:
+    separators = [os.sep, *([os.altsep] if os.altsep else [])]
+    return text.lower().endswith(".toml") or any(separator in text for separator in separators)
+
+
+def _read(path: str) -> bytes:
+    """The file's content; its size is limited, so that a wrong argument cannot fill the memory."""
+    try:
+        with open(path, "rb") as file:
+            data = file.read(MAX_FILE_BYTES + 1)
+    except OSError as error:
+        raise problem(path, (), f"cannot be read: {error.strerror or type(error).__name__}") from None
+    except ValueError:  # a null character or a lone surrogate in the name
+        raise problem(path, (), "cannot be read: no file can have this name") from None
+    if len(data) > MAX_FILE_BYTES:
+        raise problem(path, (), f"is too large; a scene file has at most {MAX_FILE_BYTES} bytes")
+    return data
+
+
+def _parse(data: bytes, source: str) -> dict[str, Any]:
+    import tomllib  # listing the presets does without it
+
+    try:
+        return tomllib.loads(data.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise problem(source, (), f"is not UTF-8 text (byte {error.start}); a scene is a TOML file") from None
+    except RecursionError:
+        raise problem(source, (), "is not valid TOML: nested too deep") from None
+    except ValueError as error:  # TOMLDecodeError, and int() for thousands of digits
+        reason = "".join(c if c.isprintable() else " " for c in str(error))[:200]
+        raise problem(source, (), f"is not valid TOML: {reason}") from None

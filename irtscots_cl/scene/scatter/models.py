@@ -1,0 +1,183 @@
+"""Models of scattered light: Lambertian, Harvey, ABg; and the total scatter of a rough mirror.
+
+J. C. Stover, Optical Scattering: Measurement and Analysis, 3rd ed., SPIE 2012, has the definitions and the models.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, Strict, model_validator
+from scipy.special import exprel
+
+from irtscots_cl.scene.scatter.lobe import (
+    GAUSS_NODES,
+    LEAST_SHARE,
+    NEWTON_STEPS,
+    TABLE_NODES,
+    ScatterModel,
+    check_all,
+    mean_profile,
+)
+from irtscots_cl.scene.validation import Fraction, bounded, checked, refuse
+
+_WIDTH = bounded(ge=1e-9, le=1e9)
+_SLOPE = bounded(ge=-10, le=0)
+_SCALE = bounded(gt=0, le=1e12)
+_KNEE = bounded(ge=1e-30, le=1e12)
+_POWER = bounded(ge=0, le=10)
+_OptionalScale = Annotated[Annotated[float, Strict(), _SCALE] | None, Field(description=_SCALE.description)]
+_LENGTH = bounded(gt=0, le=1e6)
+_OptionalLength = Annotated[Annotated[float, Strict(), _LENGTH] | None, Field(description=_LENGTH.description)]
+SIZES = ("b0", "tis", "roughness_nm")  # of a Harvey lobe
+_OptionalFraction = Annotated[Fraction | None, Field(description="a finite number above 0 and at most 1")]
+
+
+@checked("lambertian")
+class Lambertian(ScatterModel):
+    """BSDF = tis / pi everywhere."""
+
+    tis: Fraction
+
+    @property
+    def _scale(self) -> float:
+        return self.tis / math.pi
+
+    def _profile(self, d: np.ndarray) -> np.ndarray:
+        return np.ones_like(d)
+
+    def _area(self, x: np.ndarray) -> np.ndarray:
+        return np.pi * x * x
+
+    def _distance(self, area: np.ndarray) -> np.ndarray:
+        return np.sqrt(area / np.pi)
+
+
+@checked("harvey")
+class Harvey(ScatterModel):
+    """Harvey-Shack: BSDF = b0 (1 + (d / l)^2)^(s / 2), of shoulder l and slope s.
+
+    Its size is told by exactly one of b0 [1/sr], of tis, the total integrated scatter at normal incidence, and of
+    roughness_nm (rms) with wavelength_nm, from which tis_of_roughness makes that of a mirror.
+    J. E. Harvey, Light-Scattering Characteristics of Optical Surfaces, thesis, University of Arizona, 1976.
+    """
+
+    l: Annotated[float, Strict(), _WIDTH]
+    s: Annotated[float, Strict(), _SLOPE]
+    b0: _OptionalScale = None
+    tis: _OptionalFraction = None
+    roughness_nm: _OptionalLength = None
+    wavelength_nm: _OptionalLength = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Harvey:
+        given = [key for key in SIZES if getattr(self, key) is not None]
+        if not given:
+            refuse(("b0",), None, f"be {_SCALE.description}, unless tis or roughness_nm is given in its place")
+        if len(given) > 1:
+            first, other = given[:2]
+            must = f"be left out where {first} ({getattr(self, first)!r}) is given: exactly one of {', '.join(SIZES)}"
+            refuse((other,), getattr(self, other), must)
+        if (self.roughness_nm is None) != (self.wavelength_nm is None):
+            refuse(("wavelength_nm",), self.wavelength_nm, "be given with roughness_nm, and only then")
+        if self.b0 is not None:
+            _check_total(self, "b0", self.b0)
+        return self
+
+    @functools.cached_property
+    def _scale(self) -> float:
+        if self.b0 is not None:
+            return self.b0
+        rough = self.tis is None
+        total = tis_of_roughness(self.roughness_nm, self.wavelength_nm, exact=True) if rough else self.tis
+        return float(total / self._area(np.float64(1.0)))
+
+    def _profile(self, d: np.ndarray) -> np.ndarray:
+        return np.exp(self.s / 2 * np.log1p((d / self.l) ** 2))
+
+    # With v = log(1 + (x / l)^2) and p = s / 2 + 1 the integral is pi l^2 (exp(p v) - 1) / p, at p = 0 pi l^2 v.
+
+    def _area(self, x: np.ndarray) -> np.ndarray:
+        v = np.log1p((x / self.l) ** 2)
+        return np.pi * self.l**2 * v * exprel((self.s / 2 + 1) * v)
+
+    def _distance(self, area: np.ndarray) -> np.ndarray:
+        q = area / (np.pi * self.l**2)
+        z = np.maximum((self.s / 2 + 1) * q, -1.0)  # -1 is as far as a steep lobe goes
+        with np.errstate(divide="ignore"):
+            v = q * np.where(z == 0, 1.0, np.log1p(z) / np.where(z == 0, 1.0, z))
+        return self.l * np.sqrt(np.expm1(v))
+
+
+@checked("abg")
+class ABg(ScatterModel):
+    """BSDF = a / (b + d^g): it falls off as d^-g beyond the knee at d = b^(1/g)."""
+
+    a: Annotated[float, Strict(), _SCALE]
+    b: Annotated[float, Strict(), _KNEE]
+    g: Annotated[float, Strict(), _POWER]
+
+    @model_validator(mode="after")
+    def _check(self) -> ABg:
+        _check_total(self, "a", self.a)
+        return self
+
+    @property
+    def _scale(self) -> float:
+        return self.a / self.b
+
+    def _profile(self, d: np.ndarray) -> np.ndarray:
+        return 1 / (1 + d**self.g / self.b)
+
+    def _area(self, x: np.ndarray) -> np.ndarray:
+        return np.pi * x * x * mean_profile(2 / max(self.g, 1e-100), x**self.g / self.b)
+
+    def _ring(self, log_d: np.ndarray) -> np.ndarray:
+        """Growth of _area per unit of the logarithm of d."""
+        return 2 * np.pi * np.exp(2 * log_d) / (1 + np.exp(self.g * log_d) / self.b)
+
+    @functools.cached_property
+    def _table(self) -> tuple[np.ndarray, np.ndarray]:
+        """Logarithms of d, equally spaced up to 2, and _area there."""
+        least = LEAST_SHARE * self._area(np.float64(2.0))  # _area is at most pi d^2
+        log_d = np.linspace(0.5 * np.log(least / np.pi), np.log(2.0), TABLE_NODES)
+        return log_d, np.maximum.accumulate(self._area(np.exp(log_d)))  # rounding where it hardly rises
+
+    def _distance(self, area: np.ndarray) -> np.ndarray:
+        """By Newton steps within a cell of the table, in log(d): _ring hardly changes there.
+
+        Where the lobe is complete but for rounding, d is known to a cell.
+        """
+        log_d, areas = self._table
+        wanted, size = np.maximum(area, areas[0]), log_d[1] - log_d[0]
+        k = np.minimum(np.searchsorted(areas, wanted, "right") - 1, TABLE_NODES - 2)
+        start, rest, step = log_d[k], wanted - areas[k], np.full_like(wanted, size / 2)
+        for _ in range(NEWTON_STEPS):
+            found = step * sum(w * self._ring(start + x * step) for x, w in zip(*GAUSS_NODES, strict=True))
+            step = np.clip(step + (rest - found) / self._ring(start + step), 0.0, size)
+        return np.exp(start + step)
+
+
+def _check_total(model: ScatterModel, key: str, value: float) -> None:
+    """Refuse a scale `key` that scatters more light than arrives; a limit rounded to ten digits is accepted."""
+    total = float(model.lobe(1.0))
+    if total > 1 + 1e-9:
+        refuse((key,), value, f"be at most {value / total:.10g}, where the total integrated scatter reaches 1")
+
+
+def tis_of_roughness(sigma_nm, wavelength_nm, cosine=1.0, exact: bool = False) -> np.ndarray:
+    """Total integrated scatter [...] of a mirror of rms roughness Rq = sigma_nm at an angle of incidence's cosine.
+
+    (4 pi sigma cosine / wavelength)^2 for roughness far below the wavelength: H. Davies, Proc. IEE 101 (1954) 209. With
+    exact, 1 - exp(-that) for heights of a normal distribution: H. E. Bennett, J. O. Porteus, J. Opt. Soc. Am. 51 (1961)
+    123. sigma counts the roughness of the spatial frequencies that scatter into the hemisphere.
+    """
+    sigma, wavelength, cosine = (np.asarray(v, float) for v in (sigma_nm, wavelength_nm, cosine))
+    check_all("tis_of_roughness", "sigma_nm", sigma, (sigma >= 0) & (sigma < np.inf), "a finite number at least 0")
+    check_all("tis_of_roughness", "wavelength_nm", wavelength, wavelength > 0, "above 0")
+    check_all("tis_of_roughness", "cosine", cosine, (cosine >= 0) & (cosine <= 1), "0 to 1")
+    square = (4 * np.pi * sigma * cosine / wavelength) ** 2
+    return -np.expm1(-square) if exact else square

@@ -1,0 +1,41 @@
+"""Checked values as TOML."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+
+def _toml_value(value: Any) -> str:
+    if isinstance(value, str):
+        plain = (c if " " <= c <= "~" and c not in '"\\' else f"\\U{ord(c):08X}" for c in value)
+        return '"' + "".join(plain) + '"'
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml_value(v)}" for key, v in value.items()) + " }"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_toml_value(v) for v in value) + "]"
+    return repr(value)
+
+
+def toml_table(path: tuple[str, ...], part: Any) -> str:
+    """The fields of `part`, its plain values before its tables as TOML wants them."""
+    values, tables = "", ""
+    for field in dataclasses.fields(part):
+        value, inner = getattr(part, field.name), (*path, field.name)
+        if dataclasses.is_dataclass(value) and field.name != "scatter":
+            tables += f"\n[{'.'.join(inner)}]\n" + toml_table(inner, value)
+        elif field.name == "scatter" and value is not None:
+            tables += f'\n[{".".join(inner)}]\nmodel = "{type(value).__name__.lower()}"\n' + toml_table(inner, value)
+        elif field.name == "element":
+            for element in value:
+                tables += "\n[[element]]\n" + toml_table(("element",), element)
+        elif field.name == "zernike":
+            for terms in value:
+                key = f"{terms.ordering}_um"
+                tables += f"\n[[{'.'.join(inner)}]]\nradius_mm = {_toml_value(terms.radius_mm)}\n"
+                tables += f"{key} = {_toml_value(terms.coefficients_um)}\n"
+        elif value is not None:
+            values += f"{field.name} = {_toml_value(value)}\n"
+    return values + tables

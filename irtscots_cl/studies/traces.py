@@ -1,0 +1,107 @@
+"""The lab of the studies: traces at the paper's ray numbers, each made once and shared by all studies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from irtscots_cl.execution.checkpoint import Keeper
+from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.opencl.device import Device
+from irtscots_cl.optics.aim import camera_aim
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.tracing.trace import trace
+
+PAPER_RAYS = (156_250, 1_562_500, 15_625_000)  # per screen pixel
+PAPER_RAYS_PER_SECOND = 156_250 / 5.0  # of one core of an Intel Core i5 at 2.67 GHz
+PAPER_OVERFILL = 3.4  # of the paper's emission over the mirror's disk, as its signal-to-noise ratios tell
+RUNS = 10  # that a ratio or a mean is taken over
+CENTRE = 62 * 125 + 62  # flat number of the detector's centre pixel
+SEED = 1
+SEEDS = {"sphere": 1, "sphere-deviated": 2, "off-axis": 3}  # different, so that their noise is independent
+
+
+@dataclass(frozen=True)
+class Traced:
+    """What is kept of a trace. Its replicates are the runs of `runs`, or the parts of one run of `full`.
+
+    seconds: build, trace, kernels. rays: traced in all. equivalent: that a full emission would have needed for it.
+    """
+
+    scene: Scene
+    stack: ImageStack
+    rays: int
+    equivalent: int
+    seconds: dict[str, float]
+
+    def single(self, run: int) -> ImageStack:
+        """The images of one run."""
+        return self.stack.replicate(run)
+
+
+class Lab:
+    """Traces for the studies. quick: without the paper's largest ray number, and a hundredth of the off-axis case's.
+
+    progress(done, total): called after each launch with ray numbers. keeper: of all traces.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        quick: bool = False,
+        progress: Callable[[int, int], None] | None = None,
+        keeper: Keeper | None = None,
+    ):
+        self.device, self.quick, self.progress, self.keeper = device, quick, progress, keeper
+        self.ray_numbers = PAPER_RAYS[:2] if quick else PAPER_RAYS
+        self._kept: dict[tuple, Traced] = {}
+
+    def full(self, name: str, rays: int) -> Traced:
+        """One run of the paper's forward estimator, every ray of its overfilled cones traced; in RUNS parts."""
+        return self._trace(name, rays, "mirror", 1.0)
+
+    def runs(self, name: str, rays: int) -> Traced:
+        """RUNS runs of so many rays per screen pixel each, with the statistics of `full`, at a fraction of its rays.
+
+        Rays leave only towards what the camera sees of the mirror (aiming.py); each weighs what one of `full` weighs.
+        """
+        return self._trace(name, RUNS * rays, "camera", camera_aim(load_scene(name)).share)
+
+    def _trace(self, name: str, rays: int, aim: str, share: float) -> Traced:
+        key = (name, rays, aim)
+        if key not in self._kept:
+            scene = load_scene(name)
+            overfill = PAPER_OVERFILL if aim == "mirror" else 1.0
+            aimed = round(rays * share / PAPER_OVERFILL) if aim == "camera" else rays
+            done = trace(scene, device=self.device, estimator="forward", rays_per_pixel=aimed, replicates=RUNS,
+                         seed=SEEDS[name], aim=aim, overfill=overfill, progress=self.progress,
+                         keeper=self.keeper)  # fmt: skip
+            pixels = int(np.prod(scene.screen.pixels))
+            self._kept[key] = Traced(scene, done.images(LineScan(scene)), done.rays_total, rays * pixels, done.seconds)
+        return self._kept[key]
+
+
+def over_runs(values) -> Estimate:
+    """Mean of a number [runs] and its standard error from the runs' scatter."""
+    values = np.asarray(values, float)
+    return Estimate(float(values.mean()), float(values.std(ddof=1) / np.sqrt(len(values))))
+
+
+def light_curve(stack: ImageStack, axis: str, pixel: int) -> tuple[np.ndarray, np.ndarray]:
+    """Line positions [window] in mm and flux [replicates, window] in W of a detector pixel (flat number)."""
+    scan = getattr(stack, axis)
+    (n,) = np.flatnonzero(scan.pixels == pixel)
+    lines = scan.lines[n]
+    inside = lines < len(scan.positions_mm)
+    return scan.positions_mm[lines[inside]], scan.flux_w[:, n, inside]
+
+
+def describe(traced: Traced) -> str:
+    """Rays and seed of a trace, for a study's notes."""
+    saved = "" if traced.rays == traced.equivalent else f", standing for {traced.equivalent:,} in the paper's cones"
+    return f"{traced.scene.name}: {traced.rays:,} forward rays, Philox, seed {SEEDS[traced.scene.name]}{saved}"

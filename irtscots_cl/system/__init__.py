@@ -1,0 +1,1 @@
+"""What the host offers: memory, whole files, versions."""

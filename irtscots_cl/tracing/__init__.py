@@ -1,0 +1,1 @@
+"""SIMULATION: scene and device to light transport, by four estimators."""

@@ -1,0 +1,1 @@
+"""Rays of the device against float64, and whether its precision suffices."""

@@ -1,0 +1,66 @@
+"""Whether a precision is enough for a scene: some of its rays on the device, against float64 on the host, before a run.
+
+What rounding does depends on the scene: the same single precision is good to 0.01 urad on the paper's sphere, and
+useless where a set-up is small beside its distance from the vertex of the mirror.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from irtscots_cl.opencl.device import Device
+from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import parse_scene
+from irtscots_cl.tracing.checks.probes import BLOCK, PathProbe, uniform_centred
+from irtscots_cl.tracing.packing.sources import receivers
+from irtscots_cl.tracing.samplers import DIMENSIONS
+
+PIXELS = 64  # looked at, evenly among those that see the mirror
+MAX_SLOPE_URAD = 0.1  # rms of a ray: what sampling by lines does to the paper's test, so that rounding does not rule
+_SEED = 5
+
+
+def rounding_slope_urad(scene: Scene, device: Device, precision: str) -> float:
+    """Rms error of single rays' landing points, as the slope of the mirror that would do the same, in urad.
+
+    Infinite where a ray that the host follows to the screen is lost on the device. Raises DeviceError as a trace does.
+    """
+    calibration = calibrate(scene)
+    visible = np.flatnonzero(calibration.sees_mirror)
+    pixels = visible[np.linspace(0, len(visible) - 1, PIXELS).astype(int)]
+    sources = receivers(calibration, pixels, np.zeros((PIXELS, 2), int), precision)
+    words = np.random.default_rng(_SEED).integers(0, 2**32, (PIXELS * BLOCK, DIMENSIONS), dtype=np.uint32)
+    paths = PathProbe(device, scene, precision, "adjoint")(np.repeat(sources, BLOCK), words)
+    row, column = np.divmod(np.repeat(pixels, BLOCK), calibration.shape[1])
+    place = uniform_centred(words[:, :2])
+    aperture = paths.disk.astype(float) * (scene.camera.aperture_diameter_mm / 2)
+    points, *landing = calibration.reverse(row + place[:, 1], column + place[:, 0], *aperture)
+    compared = np.isfinite(landing).all(0) & calibration.surface.contains(points[:, 0], points[:, 1]) & paths.on_mirror
+    if not compared.any():
+        return 0.0
+    apart = np.hypot(*(paths.landing - landing))[compared]
+    distance = np.linalg.norm(calibration.screen_frame.position_mm - points[compared], axis=1)
+    error = float(np.sqrt(np.mean((apart / (2 * distance)) ** 2)) * 1e6)
+    return error if np.isfinite(error) else np.inf
+
+
+def check_precision_on(device: Device, scene_toml: str, precision: str, source: str) -> None:
+    """check_precision_of_scene of a scene as TOML text, for places that are called with plain values (crew.Site)."""
+    check_precision_of_scene(parse_scene(scene_toml), device, precision, source)
+
+
+def check_precision_of_scene(scene: Scene, device: Device, precision: str, source: str) -> None:
+    """Refuse a precision that is too coarse for the scene, with a ValueError that says what would do.
+
+    source: the scene's file or preset, for the message. Double precision is taken as it is.
+    """
+    if precision == "fp64":
+        return
+    error = rounding_slope_urad(scene, device, precision)
+    if error > MAX_SLOPE_URAD:
+        enough = "fp64" if device.has_fp64 else "fp64, on a device that has double precision"
+        raise ValueError(
+            f"--precision = {precision!r}: {source}: rounding would cost {error:.2g} urad rms per ray, more than "
+            f"{MAX_SLOPE_URAD}; must be {enough}"
+        )

@@ -1,0 +1,70 @@
+"""The analytic estimator: every pixel's light curves in closed form (pixellight.py), without rays' noise.
+
+Light that the screen's other edge cuts off has no closed form: pixels with such light get no light curve, as those
+whose map is not quadratic enough, and are counted in the ledger.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from irtscots_cl.opencl.structs import Fate
+from irtscots_cl.optics.chief_rays import calibrate, check_visible
+from irtscots_cl.optics.pixel.ray_map import RAYS
+from irtscots_cl.optics.pixel.response import PixelLight, pixel_light
+from irtscots_cl.optics.screen_windows import Windows, place_windows
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
+from irtscots_cl.tracing.results.transport import LineLight, ledger_from
+
+MARGIN = 1  # screen pixels that the windows are wider than the chief rays say
+HOST = {
+    "index": "-", "name": "host", "platform": "NumPy", "driver": np.__version__, "kind": "host", "compute_units": 1,
+}  # fmt: skip
+
+
+def trace_analytic(scene: Scene) -> LineLight:
+    """The light curves of a scene's line scans, in float64 on the host.
+
+    The ledger counts the rays that the pixels' maps are fitted to, by what becomes of their pixel's light: detected,
+    missed_mirror, off_screen (some of it beside the screen), failed (the map is not quadratic enough).
+    Raises SceneError if no pixel sees the screen.
+    """
+    started = time.perf_counter()
+    calibration = calibrate(scene)
+    check_visible(calibration, f"scene {scene.name}")
+    windows, pixels = place_windows(calibration, MARGIN), pixel_light(scene)
+    fate = _fates(pixels, windows)
+    area = np.pi / 4 * scene.camera.aperture_diameter_mm**2 * scene.camera.detector.pitch_mm**2
+    gain = scene.screen.radiance * scene.mirror.reflectance * scene.camera.transmittance
+    flux = {}
+    for k, output in enumerate("uv"):
+        share = pixels.light(output, window_edges_mm(scene, windows, k))
+        share = np.where((fate == Fate.DETECTED)[:, None], np.maximum(share, 0.0), 0.0)  # rounding left of no light
+        flux["xy"[k]] = share[None] * (gain * area / scene.camera.image_distance_mm**2)
+    count = np.bincount(fate, minlength=len(Fate)) * RAYS
+    seconds = {"build": 0.0, "trace": time.perf_counter() - started, "kernels": 0.0}
+    options = TraceOptions(ANALYTIC, precision="fp64")
+    return LineLight(
+        scene, options, HOST, windows, flux, np.array([RAYS]), ledger_from(count, int(count.sum())), seconds
+    )
+
+
+def window_edges_mm(scene: Scene, windows: Windows, k: int) -> np.ndarray:
+    """Edges [n, window + 1] of the screen pixels in the windows, in the screen's own x (k = 0) or y (k = 1)."""
+    number = windows.origins[:, k, None] + np.arange((windows.columns, windows.rows)[k] + 1)
+    return (number - scene.screen.pixels[k] / 2) * scene.screen.pitch_mm + scene.screen.centre_offset_mm[k]
+
+
+def _fates(pixels: PixelLight, windows: Windows) -> np.ndarray:
+    """What becomes of each pixel's light: a Fate [n]."""
+    screen, on_screen = pixels.calibration.scene.screen, np.ones(len(pixels.pixels), bool)
+    for k, output in enumerate("uv"):
+        centre, reach = pixels.extent(output)
+        half = screen.pixels[k] / 2 * screen.pitch_mm
+        on_screen &= np.abs(centre - screen.centre_offset_mm[k]) + reach <= half
+    fate = np.where(on_screen, Fate.DETECTED, Fate.OFF_SCREEN)
+    fate = np.where(pixels.valid(), fate, Fate.FAILED)
+    return np.where(pixels.coverage() > 0, fate, Fate.MISSED_MIRROR)

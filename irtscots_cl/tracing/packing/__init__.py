@@ -1,0 +1,1 @@
+"""A scene's numbers as the kernels' structures."""

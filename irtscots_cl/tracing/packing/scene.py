@@ -1,0 +1,180 @@
+"""A scene's numbers as the kernels' structures: which files they need and what goes into every field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from irtscots_cl.maths.frame import Frame
+from irtscots_cl.maths.zernike.series import PowerRows, RadialSeries, power_rows
+from irtscots_cl.opencl.structs import (
+    LAUNCH,
+    PRECISIONS,
+    chord_dtype,
+    emitter_dtype,
+    frame_dtype,
+    line_receiver_dtype,
+    mirror_dtype,
+    receiver_dtype,
+    scene_dtype,
+    zernike_clenshaw_dtype,
+    zernike_power_dtype,
+    zernike_term_dtype,
+)
+from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.surface import Surface
+
+MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
+MAX_NEWTON_STEPS = 8  # more than any deviation needs that is still a mirror's
+NEWTON_SLOPE = {"fp32": 1e-9, "fp64": 1e-13}  # rad, left by the last step; fp32's own rounding is 1e-8
+SLIGHT_SLOPE = 1e-6  # 100 steps of a single-precision slope: larger ones are lost by less than 1e-3 on average
+
+
+@dataclass(frozen=True)
+class Packed:
+    """A scene ready for the kernels: file choices, C structures and constants, and the scene structure itself."""
+
+    choices: dict[str, str]
+    structs: dict[str, np.dtype]
+    constants: dict[str, tuple[int, ...]]
+    scene: np.ndarray  # [1]
+
+
+@lru_cache(maxsize=8)
+def pack(calibration: Calibration, precision: str) -> Packed:
+    """Everything about a scene that does not depend on the estimator; made once for all who ask for the same."""
+    real, surface = PRECISIONS[precision], calibration.surface
+    deviation = surface.deviation
+    annular = surface.obscuration_radius_mm > 0
+    mirror = mirror_dtype(real, deviation is not None, annular)
+    structs = {
+        "Launch": LAUNCH,
+        "Emitter": emitter_dtype(real),
+        "Receiver": receiver_dtype(real),
+        "Chord": chord_dtype(real),
+        "LineReceiver": line_receiver_dtype(real),
+        "Frame": frame_dtype(real),
+        "Mirror": mirror,
+    }
+    zernike, tables, choices, constants = None, None, {}, {}
+    if deviation is not None:
+        rows = power_rows(deviation)
+        few = rows.loss <= MAX_POWER_LOSS
+        tables, declared, constants = _zernike_power(rows, real) if few else _zernike_clenshaw(deviation, real)
+        tables["inverse_radius"] = 1 / surface.deviation_radius_mm
+        zernike = tables.dtype
+        choices["zernike"] = "power" if few else "clenshaw"
+        structs |= declared | {"Zernike": zernike}
+    structs["Scene"] = scene_dtype(real, mirror, zernike)
+    scene = np.zeros(1, structs["Scene"])
+    _fill_mirror(scene["mirror"][0:1], surface)
+    if deviation is not None:
+        scene["mirror"]["newton_steps"] = newton_steps(calibration, NEWTON_SLOPE[precision])
+    _fill_frame(scene["screen"], calibration.screen_frame)
+    _fill_frame(scene["camera"], calibration.camera_frame)
+    _fill_devices(scene, calibration)
+    if tables is not None:
+        scene["zernike"] = tables
+    choices |= {
+        "surface": _surface_file(calibration.scene.mirror),
+        "mirror": "deviated" if deviation is not None else "nominal",
+        "arrival": "compensated" if _is_slight(surface, precision) else "plain",
+        "aperture": "annulus" if annular else "disk",
+    }
+    return Packed(choices, structs, constants, scene)
+
+
+def _surface_file(mirror) -> str:
+    if mirror.conic == 0:
+        return "sphere"  # also off axis: every point of a sphere is a vertex
+    return "off_axis" if mirror.off_axis_mm != 0 else "conic"
+
+
+def _fill_mirror(out: np.ndarray, surface: Surface) -> None:
+    for name in ("q_xx", "q_yy", "q_zz", "q_xz"):
+        out[name] = getattr(surface.quadric, name)
+    out["aperture_radius2"] = surface.aperture_radius_mm**2
+    if surface.obscuration_radius_mm > 0:
+        out["obscuration_radius2"] = surface.obscuration_radius_mm**2
+
+
+def _spread(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """Points (x, y) [n] over a deviated mirror, close enough to find its deviation's extremes; many on the rim."""
+    radius = surface.aperture_radius_mm * np.sqrt((np.arange(16) + 1) / 16)
+    angles = 2 * int(surface.deviation.m.max()) + 16
+    angle = np.arange(angles) * (2 * np.pi / angles)
+    return np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()
+
+
+def _is_slight(surface: Surface, precision: str) -> bool:
+    """Whether single precision would lose the deviation's slopes in the sum with the design's."""
+    if surface.deviation is None or precision != "fp32":
+        return False
+    return max(np.abs(slope).max() for slope in surface.deviation_at(*_spread(surface))[1:]) < SLIGHT_SLOPE
+
+
+def newton_steps(calibration: Calibration, slope: float) -> int:
+    """Steps from the design surface to the deviated one that leave at most that slope error [rad], found by trial.
+
+    The kernel takes the deviation's slopes before its last move, so k steps have the slopes of k - 1 moves.
+    """
+    surface = calibration.surface
+    x, y = _spread(surface)
+    points = np.stack([x, y, surface.quadric.meet(x, y, 0.0, 0.0)], -1)
+    left = np.zeros(MAX_NEWTON_STEPS - 1)
+    for frame in (calibration.camera_frame, calibration.screen_frame):
+        met = [surface.meet(points, points - frame.position_mm, moves)[0] for moves in range(MAX_NEWTON_STEPS)]
+        slopes = [np.stack(surface.deviation_at(at[:, 0], at[:, 1])[1:]) for at in met]
+        left = np.maximum(left, [np.nanmax(np.abs(found - slopes[-1])) for found in slopes[:-1]])
+    enough = np.flatnonzero(left <= slope)
+    return int(enough[0]) + 1 if len(enough) else MAX_NEWTON_STEPS
+
+
+def _fill_frame(out: np.ndarray, frame: Frame) -> None:
+    out["position"] = frame.position_mm
+    for name, axis in zip(("axis_x", "axis_y", "axis_z"), frame.axes, strict=True):
+        out[name] = axis
+    out["offset"] = -frame.axes @ frame.position_mm
+
+
+def _fill_devices(out: np.ndarray, calibration: Calibration) -> None:
+    screen, camera = calibration.scene.screen, calibration.scene.camera
+    edge = np.array(screen.pixels) / 2 - np.array(screen.centre_offset_mm) / screen.pitch_mm
+    values = {
+        "screen_pitch": screen.pitch_mm,
+        "inverse_screen_pitch": 1 / screen.pitch_mm,
+        "screen_left": edge[0],
+        "screen_top": edge[1],
+        "aperture_radius": camera.aperture_diameter_mm / 2,
+        "aperture_radius2": (camera.aperture_diameter_mm / 2) ** 2,
+        "inverse_focal_length": 1 / camera.focal_length_mm,
+        "inverse_focus": 1 / camera.focus_mm,
+        "image_distance": camera.image_distance_mm,
+        "inverse_image_distance": 1 / camera.image_distance_mm,
+        "detector_pitch": camera.detector.pitch_mm,
+        "inverse_detector_pitch": 1 / camera.detector.pitch_mm,
+        "detector_columns": camera.detector.pixels[0],
+        "detector_rows": camera.detector.pixels[1],
+    }
+    for name, value in values.items():
+        out[name] = value
+
+
+def _zernike_power(rows: PowerRows, real):
+    """Tables [()], structures that they contain, and constants for kernels/mirror/zernike_power.cl."""
+    out = np.zeros((), zernike_power_dtype(real, len(rows.coefficient)))
+    out["coefficient"] = rows.coefficient
+    return out, {}, {f"zernike_{name}": tuple(getattr(rows, name)) for name in ("order", "sine", "count")}
+
+
+def _zernike_clenshaw(series: RadialSeries, real):
+    """Tables [()], structures that they contain, and constants for kernels/mirror/zernike_clenshaw.cl."""
+    out = np.zeros((), zernike_clenshaw_dtype(real, len(series.m), len(series.cosine)))
+    for name in ("cosine", "sine", "alpha", "beta"):
+        out["term"][name] = getattr(series, name)
+    # the next term's gamma; at the end of a series it multiplies zero
+    out["term"]["gamma_next"] = np.append(series.gamma[1:], 0.0)
+    out["order"], out["count"], out["series_count"] = series.m, series.count, len(series.m)
+    return out, {"ZernikeTerm": zernike_term_dtype(real)}, {}

@@ -1,6 +1,0 @@
-// One branch of a ray at an interface is followed.
-#include "roulette.cl"
-
-INLINE void branch(__constant Element *element, Interaction *at, realv reflectance, vec3v refracted) {
-    roulette(element, at, reflectance, refracted);
-}

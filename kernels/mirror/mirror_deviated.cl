@@ -1,0 +1,45 @@
+// The mirror as made: the design surface plus a Zernike deviation along z, carried apart so that neither loses digits.
+// Verbs as in mirror_nominal.cl. World frame, mm.
+#include "surface_*.cl"
+#include "aperture_*.cl"
+#include "zernike_*.cl"
+
+// Where a line met the mirror, and the deviation and its slopes there; false: it missed the surface or its aperture.
+typedef struct { vec3v point; maskv on_mirror; realv height, slope_x, slope_y; } Meeting;
+
+INLINE Meeting mirror_meet(__constant Scene *scene, const Line *line) {
+    Meeting at;
+    at.on_mirror = surface_meet(&scene->mirror, line->x0, line->y0, line->p, line->q, &at.point);
+    return at;
+}
+
+// Follows the line from the design surface to the deviated one by Newton steps (mirror.newton_steps, chosen on the host
+// from the deviation's size): the first moves by the height over the line's slope against the surface, further ones only
+// refine the deviation's own argument.
+INLINE void mirror_deviate(__constant Scene *scene, const Line *line, Meeting *at) {
+    const vec3v base = at->point;
+    // Polynomials explode outside their disk; a line that meets the design 2 % outside it is not on the mirror.
+    const real inverse = scene->zernike.inverse_radius;
+    at->on_mirror &= (base.x * base.x + base.y * base.y) * (inverse * inverse) <= (real)1.04;
+    const vec3v normal = surface_normal(&scene->mirror, base);
+    const realv approach = normal.z / (normal.z + line->p * normal.x + line->q * normal.y);
+    for (int step = 0; step < scene->mirror.newton_steps; ++step) {
+        at->height = zernike_deviation(&scene->zernike, at->point.x, at->point.y, &at->slope_x, &at->slope_y);
+        const realv dz = at->height * approach;
+        at->point = (vec3v){base.x + line->p * dz, base.y + line->q * dz, base.z + dz};
+    }
+    at->on_mirror &= aperture_contains(&scene->mirror, at->point);
+}
+
+// The design's normal under the point.
+INLINE vec3v mirror_design_normal(__constant Scene *scene, const Meeting *at) {
+    return surface_normal(&scene->mirror, (vec3v){at->point.x, at->point.y, at->point.z - at->height});
+}
+
+// The same tilted by the deviation's slopes. Slight ones are lost in the sum: arrival_compensated.cl carries them apart.
+INLINE vec3v mirror_normal(__constant Scene *scene, const Meeting *at) {
+    vec3v normal = mirror_design_normal(scene, at);
+    normal.x -= at->slope_x * normal.z;
+    normal.y -= at->slope_y * normal.z;
+    return normal;
+}

@@ -1,0 +1,140 @@
+// What becomes of light on its way: rays and weights counted where they end, and the detector's images by path.
+#include "interaction.cl"
+#include "ray_stack_*.cl"
+#include "sum64.cl"
+
+// The sums: rays by their ends, then absorbed ones for each element; then the weight that stays at each element, that
+// escapes and that is given up; then for each path its rays and its flux. PATH_PARTED counts rays that were not launched
+// but parted from others.
+enum { PATH_DETECTED, PATH_ESCAPED, PATH_BOUNCE_LIMIT, PATH_FAILED, PATH_PARTED, PATH_ABSORBED };
+#define MAX_SUMS 200   // PATH_ABSORBED + 2 x 20 elements + 2 + 2 x 64 paths
+
+// Weights that stay are whole numbers of these: 2^43 rays fit a sum.
+#define STAYING_ONE 0x1p20f
+#define STAYING_MOST 2000.0f   // times STAYING_ONE it fits an int
+
+// paths, a path that is kept: scale makes weights whole numbers below 2^31, so that 2^33 rays fit a sum; kind: the
+// strangest of its events, an EVENT_*; class_scale: the same for the images of all paths of that kind.
+typedef struct {
+    __constant Scene *scene;
+    __constant Element *elements;
+    __constant Scatter *scatter;
+    const Launch *launch;
+    __global const Path *paths;
+    __global uint *sums;          // 64-bit
+    __global uint *images;        // 64-bit: [classes][screen columns and rows][detector pixels]
+    __global uint *found;         // number of entries, then (low, high, weight's bits) of detected rays
+    const PathJob *job;
+    Spawned *spawned;
+    ulong *own;                   // the work-item's part of sums, added to them at its end
+    int column, row;              // the screen pixel
+} Trace;
+
+INLINE void count_rays(const Trace *trace, int fate, uint count) { trace->own[fate] += count; }
+
+// Adds weight that stays; place: an element, or beyond them 0: escaped, 1: given up.
+INLINE void count_weight_of(const Trace *trace, int place, real weight) {
+    trace->own[PATH_ABSORBED + trace->job->element_count + place] += (ulong)((float)weight * STAYING_ONE + 0.5f);
+}
+INLINE void count_weight(const Trace *trace, int place, maskv stays, realv weight) {
+    if (!any_lane(stays)) return;
+    if (any_lane(stays & (weight > STAYING_MOST))) {
+        for (ulong lanes = mask_word(stays); lanes != 0; lanes &= lanes - 1)
+            count_weight_of(trace, place, ((const real *)&weight)[lowest_lane(lanes)]);
+        return;
+    }
+    const realv counted = stays ? weight * STAYING_ONE + (real)0.5 : (realv)(0);
+    trace->own[PATH_ABSORBED + trace->job->element_count + place] += sum_lanes(to_int(counted));
+}
+
+// Keeps one detected ray at (u, v) of the detector's frame, whose z runs along the light: the image is upside down.
+INLINE void detect(const Trace *trace, real u, real v, real weight, uint low, uint high) {
+    const Launch *launch = trace->launch;
+    __constant Scene *scene = trace->scene;
+    const int columns = scene->detector_columns, rows = scene->detector_rows;
+    const real column = (real)0.5 * columns - u * scene->inverse_detector_pitch;
+    const real row = (real)0.5 * rows - v * scene->inverse_detector_pitch;
+    if (!(column >= 0 && column < columns && row >= 0 && row < rows)) return count_rays(trace, PATH_FAILED, 1);
+    count_rays(trace, PATH_DETECTED, 1);
+    if (trace->job->found_size > 0) {
+        const uint entry = atomic_inc(trace->found);
+        if (entry < (uint)trace->job->found_size) {
+            trace->found[3 * entry + 1] = low;
+            trace->found[3 * entry + 2] = high;
+            trace->found[3 * entry + 3] = as_uint((float)weight);
+        }
+        return;
+    }
+    int p = 0;
+    while (p < trace->job->path_count - 1 && (trace->paths[p].low != low || trace->paths[p].high != high)) ++p;
+    const Path path = trace->paths[p];   // the last one stands for all others
+    const int base = PATH_ABSORBED + 2 * trace->job->element_count + 2 + 2 * p;
+    trace->own[base] += 1;
+    trace->own[base + 1] += (ulong)((float)weight * path.scale + 0.5f);
+    const ulong amount = (ulong)((float)weight * path.class_scale + 0.5f);
+    const size_t pixel = (int)row * columns + (int)column, lines = launch->screen_columns + launch->screen_rows;
+    const size_t pixels = launch->detector_pixels, first = path.kind * lines;
+    sum64_add(trace->images, (first + trace->column) * pixels + pixel, amount);
+    sum64_add(trace->images, (first + launch->screen_columns + trace->row) * pixels + pixel, amount);
+}
+
+// Back to the world, from the origin of the element's own group.
+INLINE void interaction_end(__constant Element *element, Rays *rays, int v, int number, maskv meets, realv bound, realv step,
+                            const Interaction *at) {
+    __constant real *o = element->origin;
+    const vec3v p = to_world(element, at->point), d = to_world(element, at->goes);
+    rays->x[v] = meets ? p.x + o[0] : rays->x[v];
+    rays->y[v] = meets ? p.y + o[1] : rays->y[v];
+    rays->z[v] = meets ? p.z + o[2] : rays->z[v];
+    rays->dx[v] = meets ? d.x : rays->dx[v];
+    rays->dy[v] = meets ? d.y : rays->dy[v];
+    rays->dz[v] = meets ? d.z : rays->dz[v];
+    rays->reach[v] = reach_of(rays->x[v], rays->y[v], rays->z[v]);
+    rays->weight[v] = meets ? at->arriving * at->weight : rays->weight[v];
+    uintv low = rays->path_low[v], high = rays->path_high[v];
+    path_push(&low, &high, as_uintv(at->event + (EVENT_KINDS * number + 1)));
+    const intv here = to_int(meets);
+    rays->path_low[v] = here != 0 ? low : rays->path_low[v];
+    rays->path_high[v] = here != 0 ? high : rays->path_high[v];
+    const intv touches = here & to_int(step <= bound);
+    rays->before[v] = here != 0 ? (touches != 0 ? rays->last[v] : (intv)(-1)) : rays->before[v];
+    rays->last[v] = here != 0 ? (intv)(number) : rays->last[v];
+    rays->group[v] = here != 0 ? (intv)(element->group) : rays->group[v];
+}
+
+// Of elements that do not scatter: all light stays specular, and none parts.
+#define none_left(trace, number, at) ((realv)(1))
+#define none_part(trace, rays, v, number, meets, at)
+
+// Rays go on from an element (leave_*), and end there (tally_*, where `meets`; returns which). left: share of the light
+// that does not scatter.
+#define leave_mirror interaction_end
+#define leave_lens interaction_end
+#define leave_wall interaction_end
+#define leave_detector interaction_end
+#define leave_absorber(...)   // nothing leaves it
+#define FINISH(kind, staying)                                                                                \
+    INLINE maskv finish_##kind(const Trace *trace, const Rays *rays, int v, int number, maskv meets,         \
+                               const Interaction *at, realv left) {                                          \
+        const maskv ended = meets & at->ends;                                                                \
+        count_rays(trace, PATH_ABSORBED + number, lanes_in(ended));                                          \
+        count_weight(trace, number, meets & (at->absorbed > 0), at->arriving * at->absorbed * (staying));    \
+        return ended;                                                                                        \
+    }
+FINISH(mirror, 1)
+FINISH(lens, 1)
+FINISH(absorber, 1)
+FINISH(wall, left)
+
+INLINE maskv finish_detector(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at,
+                             realv left) {
+    const maskv front = meets & (dot3(at->along, at->normal) > 0), back = meets & !front;
+    count_rays(trace, PATH_ABSORBED + number, lanes_in(back));
+    count_weight(trace, number, back, at->arriving);
+    for (ulong lanes = mask_word(front); lanes != 0; lanes &= lanes - 1) {
+        const int k = lowest_lane(lanes);
+        detect(trace, ((const real *)&at->point.x)[k], ((const real *)&at->point.y)[k], ((const real *)&rays->weight[v])[k],
+               ((const uint *)&rays->path_low[v])[k], ((const uint *)&rays->path_high[v])[k]);
+    }
+    return meets;
+}

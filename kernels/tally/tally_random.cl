@@ -1,0 +1,11 @@
+// Rays that leave an interface, where one branch is followed: none ends.
+#include "tally.cl"
+
+#define leave_refractor interaction_end
+#define leave_coated interaction_end
+#define finish_coated finish_refractor
+
+INLINE maskv finish_refractor(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at,
+                              realv left) {
+    return to_mask(at->event != at->event);
+}

@@ -1,0 +1,17 @@
+// Rays that leave an interface, where both branches are followed: none ends, mirrored ones part.
+#include "split_ray.cl"
+
+#define leave_refractor interaction_end
+#define leave_coated interaction_end
+#define finish_coated finish_refractor
+
+INLINE maskv finish_refractor(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at,
+                              realv left) {
+    const vec3v along = to_world(&trace->elements[number], mirrored(at->along, at->normal));
+    const realv weight = at->arriving * at->parts;
+    for (ulong lanes = mask_word(meets & (at->parts > 0)); lanes != 0; lanes &= lanes - 1) {
+        const int k = lowest_lane(lanes);
+        part_ray(trace, rays, v, k, lane_of(along, k), ((const real *)&weight)[k], EVENT_NOMINAL, EVENT_GHOST);
+    }
+    return to_mask(at->event != at->event);
+}

@@ -1,0 +1,175 @@
+"""Errors against the truth, from results made to have known errors."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from irtscots_cl.analysis.comparison import compare
+from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.maths.zernike.polynomials import zernike
+from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.optics.surface import Surface
+from irtscots_cl.scene.mirror import ZernikeTerms
+from irtscots_cl.scene.presets import load_scene
+
+ROUNDING = 1e-9  # relative: heights of up to 1e-3 mm and a fit of 45 terms
+
+
+def exact(scene, pixels: int = 31) -> Reconstruction:
+    """What a measurement without any error would give, on a square grid over the mirror's inner 98 %."""
+    radius = scene.mirror.diameter_mm / 2
+    grid = np.linspace(-radius, radius, pixels)
+    x, y = np.meshgrid(grid, grid)
+    mask = np.hypot(x, y) < 0.98 * radius
+    x, y = np.where(mask, x, np.nan), np.where(mask, y, np.nan)
+    surface = Surface.of(scene.mirror)
+    slope_x, slope_y = surface.gradient(x, y)
+    deviation = surface.deviation_at(x, y)[0]
+    none = np.zeros((0, *mask.shape))
+    good = np.zeros(mask.shape, int)
+    return Reconstruction(
+        nominal=scene.nominal(),
+        light_curve="centroid",
+        method="southwell",
+        pixel_average=True,
+        x_mm=x,
+        y_mm=y,
+        on_mirror=mask,
+        mask=mask,
+        flags=good,
+        centroid_x_mm=x * 0,
+        centroid_y_mm=x * 0,
+        slope_x=slope_x,
+        slope_y=slope_y,
+        height_mm=surface.sag(x, y),
+        deviation_mm=deviation,
+        jackknife_slope_x=none,
+        jackknife_slope_y=none,
+        jackknife_deviation_mm=none,
+    )
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_scene("sphere-deviated")
+
+
+@pytest.fixture(scope="module")
+def result(scene):
+    return exact(scene)
+
+
+def heights(comparison) -> list[float]:
+    return [estimate.value for estimate in comparison.height_error_nm.values()]
+
+
+def test_the_truth_has_no_error(scene, result):
+    found = compare(result, scene)
+    assert found.pixels_used == result.mask.sum()
+    assert [e.value for e in found.slope_error_urad.values()] == [0.0, 0.0]
+    assert list(found.height_error_nm) == ["piston", "piston_tilt", "piston_tilt_power"]
+    assert max(heights(found)) < 1e-6  # nm: rounding of heights near 1000 nm
+    assert np.isnan(found.height_standard_error_nm)
+    assert all(np.isnan(e.standard_error) for e in found.slope_error_urad.values())
+
+
+def test_slope_errors_are_in_microradians_and_by_axis(scene, result):
+    found = compare(
+        dataclasses.replace(result, slope_x=result.slope_x + 2e-6, slope_y=result.slope_y - 3e-7), scene
+    )
+    assert found.slope_error_urad["x"].value == pytest.approx(2.0, rel=ROUNDING)
+    assert found.slope_error_urad["y"].value == pytest.approx(0.3, rel=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("shape", "left"),
+    [
+        (lambda x, y: 0 * x + 1, (0, 0, 0)),
+        (lambda x, y: (x - 2 * y) / 532, (1, 0, 0)),
+        (lambda x, y: (x**2 + y**2) / 532**2, (1, 1, 0)),
+        (lambda x, y: x * y / 532**2, (1, 1, 1)),
+    ],
+)
+def test_each_height_error_says_what_was_removed(scene, result, shape, left):
+    error = shape(result.x_mm, result.y_mm)
+    scale = 7e-6 / np.nanstd(error) if np.nanstd(error) else 7e-6  # to 7 nm rms about the mean
+    found = compare(dataclasses.replace(result, deviation_mm=result.deviation_mm + scale * error), scene)
+    np.testing.assert_allclose(
+        heights(found),
+        np.multiply(left, 7.0),
+        rtol=ROUNDING,
+        atol=1e-6,  # nm: rounding
+    )
+    assert np.nanstd(found.error_mm) * 1e6 == pytest.approx(7.0 * left[1], rel=ROUNDING, abs=1e-6)  # the same
+
+
+def test_the_error_bars_are_the_jackknife_s(scene, result):
+    """Slope errors of 1.0, 1.1 and 0.9 urad with one replicate left out: sqrt(2/3 sum of squares)."""
+    left = np.stack([result.slope_x + k * 1e-6 for k in (1.0, 1.1, 0.9)])
+    deviation = np.stack([result.deviation_mm] * 3)
+    noisy = dataclasses.replace(
+        result,
+        slope_x=result.slope_x + 1e-6,
+        jackknife_slope_x=left,
+        jackknife_slope_y=left,
+        jackknife_deviation_mm=deviation,
+    )
+    found = compare(noisy, scene)
+    assert found.slope_error_urad["x"].standard_error == pytest.approx(np.sqrt(2 / 3 * 0.02), rel=ROUNDING)
+    assert found.height_standard_error_nm == pytest.approx(0.0, abs=1e-9)  # nm: equal maps
+    assert all(row.standard_error_um < 1e-12 for row in found.zernike)  # um: the same
+
+
+def test_the_scene_s_coefficients_come_out(scene, result):
+    found = {row.noll: row for row in compare(result, scene).zernike}
+    assert sorted(found) == list(range(1, 46))
+    given = scene.mirror.zernike[0].coefficients_um
+    for noll, row in found.items():
+        assert row.input_um == given.get(noll, 0.0)
+        assert row.output_um == pytest.approx(row.input_um, abs=1e-10)  # um: rounding of the fit
+        assert np.isnan(row.standard_error_um)
+
+
+def test_terms_of_every_ordering_are_reported_by_noll_and_added_up(scene):
+    """Power is Noll 4 and OSA 4; Noll 60 is beyond the terms that are always fitted."""
+    tables = (
+        ZernikeTerms(radius_mm=532.0, ordering="noll", coefficients_um={4: 0.1, 60: 0.02}),
+        ZernikeTerms(radius_mm=532.0, ordering="osa", coefficients_um={4: 0.2}),
+    )
+    deviated = dataclasses.replace(scene, mirror=dataclasses.replace(scene.mirror, zernike=tables))
+    found = {row.noll: row for row in compare(exact(deviated), deviated).zernike}
+    assert sorted(found) == [*range(1, 46), 60]
+    assert found[4].input_um == pytest.approx(0.3, rel=1e-15)  # rounding of one sum
+    assert found[4].output_um == pytest.approx(0.3, rel=ROUNDING)
+    assert found[60].output_um == pytest.approx(0.02, rel=ROUNDING)
+
+
+def test_an_unexpected_term_is_found_too(scene, result):
+    extra = 1e-3 * 0.05 * zernike(7, result.x_mm / 532, result.y_mm / 532)
+    found = compare(dataclasses.replace(result, deviation_mm=result.deviation_mm + extra), scene)
+    assert found.zernike[6].input_um == 0.0
+    assert found.zernike[6].output_um == pytest.approx(0.05, rel=1e-7)  # rounding of the fit
+
+
+def test_too_few_pixels_for_the_fit_give_no_coefficients(scene):
+    few = exact(scene, 7)
+    assert few.mask.sum() < 45
+    assert compare(few, scene).zernike == ()
+
+
+def test_an_estimate_is_printed_with_its_error_where_it_has_one():
+    assert str(Estimate(0.123456, float("nan"))) == "0.1235"
+    assert str(Estimate(0.123456, 0.00234)) == "0.1235 +- 0.002"
+
+
+def test_a_comparison_prints_its_main_numbers_with_units(scene, result):
+    text = str(compare(dataclasses.replace(result, slope_x=result.slope_x + 2e-6), scene))
+    assert "slope error x [urad rms]  2\n" in text
+    assert "[nm rms]" in text and "piston, tilt, power" in text
+    assert (
+        len([line for line in text.splitlines() if line.strip()[:2] in ("6 ", "8 ", "9 ", "11", "29", "38")])
+        == 6
+    )

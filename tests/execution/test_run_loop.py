@@ -1,0 +1,256 @@
+"""Rays are run launch by launch, and go on from any launch to the same bits."""
+
+from __future__ import annotations
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+from counting_job import PER_ITEM, RAYS, STREAMS, CountingJob, same
+from synthetic import small_scene
+
+from irtscots_cl.execution import checkpoint
+from irtscots_cl.execution.checkpoint import Interrupted, Keeper
+from irtscots_cl.execution.checkpoint_file import FORMAT, write_checkpoint
+from irtscots_cl.execution.launch_plan import Place, plan_launches
+from irtscots_cl.execution.run_loop import run_rays
+from irtscots_cl.tracing.estimators.nonsequential import PathTracer
+from irtscots_cl.tracing.estimators.path_sums import Kept
+from irtscots_cl.tracing.options import TraceOptions
+from irtscots_cl.tracing.trace import trace, trace_paths
+
+FACTS = {"scene": "cd" * 16, "seed": 1}
+
+
+@pytest.fixture
+def eager(monkeypatch):
+    """A save after every launch."""
+    monkeypatch.setattr(checkpoint, "LEAST_SECONDS", 0.0)
+    monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)
+
+
+def plan_from(place, rays, launch_rays):
+    """(part, place after it) of what is left of a replicate."""
+    for part in plan_launches(STREAMS, rays, lambda: launch_rays, PER_ITEM, place):
+        place = place.after(part, STREAMS, rays)
+        yield part, place
+
+
+@pytest.mark.parametrize("rays", [1, 4, 5, 13, 16])
+@pytest.mark.parametrize("sizes", list(itertools.product([1, 3, 13, 40, 1000], repeat=2)))
+def test_a_plan_goes_on_from_any_launch_with_launches_of_another_size(rays, sizes):
+    first = list(plan_from(Place(), rays, sizes[0]))
+    assert first[-1][1] == Place(1)
+    for stop in range(len(first)):
+        place = first[stop - 1][1] if stop else Place()
+        parts = [part for part, _ in first[:stop]] + [part for part, _ in plan_from(place, rays, sizes[1])]
+        traced = np.zeros((STREAMS, rays), int)
+        for stream, streams, ray, count in parts:
+            assert ray % PER_ITEM == 0
+            traced[stream : stream + streams, ray : ray + count] += 1
+        assert (traced == 1).all()
+        done = sum(streams * count for _, streams, _, count in parts[:stop])
+        assert place.rays_before(np.array([rays]), STREAMS) == done
+        place.check(np.array([rays]), STREAMS, PER_ITEM)
+
+
+@pytest.mark.parametrize(
+    "place",
+    [(-1, 0, 0, 0), (4, 0, 0, 0), (3, 4, 0, 0), (0, 3, 0, 0), (0, -4, 0, 0), (0, 16, 0, 0), (0, 0, 4, 0), (0, 0, 4, 5),
+     (0, 0, 4, -1), (0, 0, 0, 1), (0, 0, 3, 1), (0, 12, 4, 1), (0, 0, -4, 1), (0.0, 0, 0, 0), (True, 0, 0, 0),
+     (2, 12, 0, 0), (10**30, 0, 0, 0), (0, 10**30, 0, 0), ("0", 0, 0, 0), (None, 0, 0, 0), (3, 0, 1, 1)],
+)  # fmt: skip
+def test_places_that_no_plan_passes_are_refused(place):
+    with pytest.raises(ValueError, match="place"):
+        Place(*place).check(RAYS, STREAMS, PER_ITEM)
+
+
+@pytest.mark.parametrize("place", [(0, 0, 0, 0), (0, 12, 1, 4), (1, 8, 4, 1), (0, 4, 9, 2), (3, 0, 0, 0)])
+def test_places_that_a_plan_passes_are_not(place):
+    Place(*place).check(RAYS, STREAMS, PER_ITEM)
+
+
+def test_every_ray_once_and_progress_to_the_end():
+    job, seen, so_far = CountingJob(), [], []
+    found = run_rays(job, RAYS, lambda *numbers: seen.append(numbers), 20, finished=so_far.append)
+    assert found[0].shape == (3, STREAMS, 1) and found[1].shape == (3, 3)
+    assert found[1][:, 0].tolist() == (RAYS * STREAMS).tolist()
+    total = int(RAYS.sum()) * STREAMS
+    assert [t for _, t in seen] == [total] * len(seen) and seen[-1] == (total, total)
+    assert [n for n, _ in seen] == np.cumsum([part[2] * part[4] for part in job.launches]).tolist()
+    assert [len(part[0]) for part in so_far] == [1, 2]  # the last is the result
+    assert same(so_far[1], [array[:2] for array in found])
+    assert same(found, run_rays(CountingJob(), RAYS, launch_rays=7))
+
+
+def resumed(path, stop_after, launch_rays):
+    """Interrupted after every so many launches, with launches of another size each time: sums, number of interrupts."""
+    interrupts = 0
+    while True:
+        keeper, seen = Keeper(path, resume=True), []
+
+        def stop(done, total, seen=seen, keeper=keeper):
+            seen.append(done)
+            keeper.stop = len(seen) > stop_after
+
+        job = CountingJob()
+        try:
+            return run_rays(job, RAYS, stop, next(launch_rays), keeper.file_of(FACTS)), interrupts
+        except Interrupted:
+            interrupts += 1
+
+
+@pytest.mark.parametrize("stop_after", [1, 2, 3, 5, 8])
+@pytest.mark.parametrize("sizes", [(20,), (1,), (33, 7), (4, 60, 11)])
+def test_an_interrupted_run_goes_on_to_the_same_sums(tmp_path, stop_after, sizes):
+    found, interrupts = resumed(tmp_path / "kept", stop_after, itertools.cycle(sizes))
+    assert same(found, run_rays(CountingJob(), RAYS))
+    assert interrupts > 0
+
+
+def test_a_run_that_dies_goes_on_from_its_last_save(tmp_path, eager):
+    expected = run_rays(CountingJob(), RAYS)
+    for dies_at in (1, 2, 9, 10, 11, 28):
+        path, seen = tmp_path / f"{dies_at}", []
+
+        def die(*numbers, seen=seen, dies_at=dies_at):
+            seen.append(numbers)
+            if len(seen) == dies_at:
+                raise RuntimeError("power failure")
+
+        with pytest.raises(RuntimeError):
+            run_rays(CountingJob(), RAYS, die, 4, Keeper(path).file_of(FACTS))
+        job = CountingJob()
+        assert same(run_rays(job, RAYS, None, 4, Keeper(path, resume=True).file_of(FACTS)), expected)
+        traced = sum(part[2] * part[4] for part in job.launches)
+        lost = traced + (seen[-2][0] if dies_at > 1 else 0) - RAYS.sum() * STREAMS
+        assert lost == 0  # but the launch after which it died, all was in the file
+
+
+SCENE = small_scene("sphere-deviated", 21)
+GHOSTS = small_scene("sphere-window", 21)
+SCATTERING = small_scene("baffled", 21)
+WAYS = {
+    "adjoint": (SCENE, {"estimator": "adjoint", "precision": "fp32"}),
+    "adjoint, sobol": (SCENE, {"estimator": "adjoint", "sampler": "sobol"}),
+    "forward": (SCENE, {"estimator": "forward", "aim": "camera"}),
+    "smoothed": (SCENE, {"estimator": "adjoint", "smoothing": True, "sampler": "lattice"}),
+    "nonsequential": (SCENE, {"estimator": "nonsequential"}),
+    "ghosts": (GHOSTS, {"estimator": "nonsequential"}),
+    "scattering": (SCATTERING, {"estimator": "nonsequential"}),
+}
+
+
+def bits(traced) -> dict:
+    """All numbers of a trace."""
+    found = {"ledger": traced.ledger, "rays": traced.rays.tolist()}
+    for name in ("counts", "images_w"):
+        if hasattr(traced, name):
+            found[name] = getattr(traced, name).tobytes()
+    if hasattr(traced, "paths"):
+        found |= {"paths": traced.paths, "ends": traced.ends}
+    if isinstance(traced.flux_w if hasattr(traced, "flux_w") else None, dict):
+        found |= {axis: flux.tobytes() for axis, flux in traced.flux_w.items()}
+    return found
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_every_estimator_goes_on_to_the_same_bits(device, tmp_path, way, monkeypatch):
+    monkeypatch.setattr("irtscots_cl.execution.run_loop._pace", lambda *_: lambda: 2**14)
+    monkeypatch.setattr("irtscots_cl.tracing.estimators.nonsequential.PILOT_RAYS", 2**19)
+    scene, options = WAYS[way]
+    options = options | {"device": device, "rays_per_pixel": 700, "replicates": 3, "seed": 5}
+    expected, path, interrupts = bits(trace(scene, **options)), tmp_path / "kept", 0
+    assert len(expected) > 2
+    while True:
+        keeper, seen = Keeper(path, resume=True), []
+
+        def stop(*numbers, seen=seen, keeper=keeper, launches=1 + 2 * interrupts):
+            seen.append(numbers)
+            keeper.stop = len(seen) > launches
+
+        try:
+            found = trace(scene, **options, progress=stop, keeper=keeper)
+            break
+        except Interrupted:
+            interrupts += 1
+    assert interrupts >= 2 and bits(found) == expected
+
+
+def test_seconds_of_earlier_processes_count(device, tmp_path):
+    """Or rays per second would be told too high."""
+    options, path = {"device": device, "rays_per_pixel": 400, "replicates": 2}, tmp_path / "kept"
+    keeper = Keeper(path)
+    with pytest.raises(Interrupted):
+        trace(SCENE, **options, keeper=keeper, progress=lambda *_: setattr(keeper, "stop", True))
+    line, sums = path.read_bytes().split(b"\n", 1)
+    header = json.loads(line.removeprefix(FORMAT)[33:])
+    assert 0 < header["seconds"]["kernels"] < header["seconds"]["trace"] < 60
+    header["seconds"] = {"trace": 2000.0, "kernels": 1000.0}
+    write_checkpoint(path, json.dumps(header).encode(), [np.frombuffer(sums[: -checkpoint.DIGEST_BYTES], np.uint8)])
+    after = trace(SCENE, **options, keeper=Keeper(path, resume=True)).seconds
+    assert 2000 < after["trace"] < 2060 and 1000 < after["kernels"] < 1060
+
+
+def test_the_wider_windows_of_a_trace_are_gone_on_with(device, tmp_path, monkeypatch):
+    """Rays beside the windows start a trace anew, with wider ones, whether or not it is interrupted."""
+    from irtscots_cl.optics.screen_windows import place_windows
+    from irtscots_cl.tracing.estimators import sequential as tracer
+
+    monkeypatch.setattr(tracer, "place_windows", lambda calibration, margin: place_windows(calibration, margin - 2))
+    margins, made = [], tracer.Tracer
+    monkeypatch.setattr(tracer, "Tracer", lambda *given, **more: margins.append(given[3]) or made(*given, **more))
+    options = {"device": device, "rays_per_pixel": 300, "replicates": 2, "launch_rays": 2**15}
+    expected = bits(trace(SCENE, **options))
+    assert margins == [1, 2]
+    keeper, seen = Keeper(tmp_path / "kept"), []
+
+    def stop(done, total):
+        seen.append(done)
+        keeper.stop = keeper.stop or (len(seen) > 1 and done < seen[-2])  # in the second trace
+
+    with pytest.raises(Interrupted):
+        trace(SCENE, **options, keeper=keeper, progress=stop)
+    assert margins == [1, 2, 1, 2]
+    assert bits(trace(SCENE, **options, keeper=Keeper(tmp_path / "kept", resume=True))) == expected
+    assert margins == [1, 2, 1, 2, 2]
+    monkeypatch.setattr(checkpoint, "LEAST_SECONDS", 0.0)
+    monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)  # what was saved of the first does not stop the second
+    assert bits(trace(SCENE, **options, keeper=Keeper(tmp_path / "new", resume=True))) == expected
+
+
+def test_the_readmes_way_to_keep_a_trace(device, tmp_path):
+    options = {"device": device, "rays_per_pixel": 2**12, "launch_rays": 2**16}
+    with pytest.raises(Interrupted):
+        trace(SCENE, **options, keeper=Keeper(str(tmp_path / "kept"), resume=True, max_seconds=1e-6))
+    again = trace(SCENE, **options, keeper=Keeper(str(tmp_path / "kept"), resume=True))
+    assert bits(again) == bits(trace(SCENE, **options))
+
+
+def test_found_paths_do_not_depend_on_the_order_of_their_rays(device, monkeypatch):
+    """Or a trace could not be gone on with: its sums are of the paths that the pilot keeps apart."""
+    tiny = 2.0**-53  # 1 + tiny is 1, and tiny + tiny + 1 is more: then the second path is the more powerful one
+    tracer, kept = PathTracer(SCENE, device, TraceOptions("nonsequential")), []
+    for weights in ((1, tiny, tiny), (tiny, 1, tiny), (tiny, tiny, 1)):
+        rows = np.zeros((4, 3), np.uint32)
+        rows[:, 0] = (1, 2, 2, 2)
+        rows[:, 2] = np.array((1, *weights), np.float32).view(np.uint32)
+
+        def download(buffer, out, rows=rows):
+            out[0], out[1:13] = len(rows), rows.ravel()
+            return out
+
+        monkeypatch.setattr(tracer._workspace, "download", download)
+        kept.append(tracer.find())
+    assert kept == [Kept((2, 1), (1.0, 1.0))] * 3
+
+
+def test_other_paths_are_no_part_of_a_kept_trace(device, tmp_path, monkeypatch):
+    options = {"device": device, "rays_per_pixel": 64, "replicates": 2}
+    keeper = Keeper(tmp_path / "kept")
+    with pytest.raises(Interrupted):
+        trace_paths(GHOSTS, **options, keeper=keeper, progress=lambda *_: setattr(keeper, "stop", True))
+    monkeypatch.setattr("irtscots_cl.tracing.estimators.nonsequential.PILOT_RAYS", 2**14)
+    with pytest.raises(ValueError, match="of another run: other paths"):
+        trace_paths(GHOSTS, **options, keeper=Keeper(tmp_path / "kept", resume=True))

@@ -1,0 +1,269 @@
+"""Composing and building kernel sources from the kernel files."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from lopsided import lopsided
+
+from irtscots_cl.opencl.device import DeviceError
+from irtscots_cl.opencl.program import build, check_precision, compose, kernel_files, kernels_folder
+from irtscots_cl.opencl.structs import LAUNCH
+from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.tracing.options import ESTIMATORS
+from irtscots_cl.tracing.packing.scene import pack
+from irtscots_cl.tracing.samplers import SAMPLERS
+
+FAMILIES = {
+    "surface": ["sphere", "conic", "off_axis"],
+    "mirror": ["nominal", "deviated"],
+    "aperture": ["disk", "annulus"],
+    "zernike": ["power", "clenshaw"],
+    "arrival": ["plain", "compensated"],
+    "accumulate": ["tile", "atomic", "none"],
+    "sampler": list(SAMPLERS),
+}
+# What only the non-sequential estimator chooses between.
+PATH_FAMILIES = {
+    "path_rng": ["none", "philox"],
+    "ray_stack": ["none", "list"],
+    "branch": ["random", "split"],
+}
+STRUCTS = {"Launch": LAUNCH}
+
+
+def all_choices():
+    for members in itertools.product(*FAMILIES.values()):
+        yield dict(zip(FAMILIES, members, strict=True))
+
+
+def write(path, text):
+    path.write_text(text, encoding="ascii")
+    return path
+
+
+def scene_for(choices):
+    """A scene whose packing makes these choices."""
+    base = lopsided()
+    few = ZernikeTerms(radius_mm=180.0, ordering="noll", coefficients_um={5: -3.0, 8: 1.5})
+    zernike = base.mirror.zernike if choices["zernike"] == "clenshaw" else (few,)
+    size = 1e-6 if choices["arrival"] == "compensated" else 1.0
+    zernike = tuple(
+        replace(terms, coefficients_um={j: c * size for j, c in terms.coefficients_um.items()})
+        for terms in zernike
+    )
+    mirror = Mirror(
+        radius_mm=1500.0,
+        conic=0.0 if choices["surface"] == "sphere" else -0.8,
+        diameter_mm=330.0,
+        off_axis_mm=240.0 if choices["surface"] == "off_axis" else 0.0,
+        obscuration_mm=70.0 if choices["aperture"] == "annulus" else 0.0,
+        zernike=zernike if choices["mirror"] == "deviated" else (),
+    )
+    return replace(base, mirror=mirror)
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [
+        c
+        for c in all_choices()
+        if c["sampler"] == SAMPLERS[0] and c["accumulate"] == "tile"
+        if c["mirror"] == "deviated" or (c["arrival"], c["zernike"]) == ("plain", "power")
+    ],
+    ids=lambda c: "-".join(c.values()),
+)
+def test_every_combination_of_files_composes_and_builds(device, choices):
+    packed = pack(Calibration(scene_for(choices)), "fp32")
+    chosen = ("surface", "mirror", "arrival", "aperture", *(["zernike"] if choices["mirror"] == "deviated" else []))
+    assert packed.choices == {family: choices[family] for family in chosen}
+    for estimator in (*ESTIMATORS, "lines"):
+        width = device.vector_width("fp32")
+        source = compose(f"trace_{estimator}.cl", choices, packed.structs, "fp32", width, packed.constants)
+        for family, member in choices.items():
+            if family == "zernike" and choices["mirror"] == "nominal":
+                continue
+            assert [f for f in source.files if f.startswith(f"{family}_")] == [f"{family}_{member}.cl"]
+        assert [k.function_name for k in build(device, source).all_kernels()] == [f"trace_{estimator}"]
+
+
+def test_no_kernel_file_is_dead():
+    used = {
+        file
+        for choices in all_choices()
+        for estimator in (*ESTIMATORS, "lines")
+        for precision, width in itertools.product(("fp32", "fp64"), (1, 8))
+        for file in compose(f"trace_{estimator}.cl", choices, STRUCTS, precision, width).files
+    }
+    for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
+        used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
+    for members in itertools.product(*PATH_FAMILIES.values()):
+        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power"}
+        first = [name for name in kernel_files() if name.startswith("interact_")]
+        first += ["element_deviated.cl", *(name for name in kernel_files() if name.startswith("scatter_"))]
+        first += ["tally_random.cl" if choices["branch"] == "random" else "tally_split.cl"]
+        used |= set(compose("trace_paths.cl", choices, STRUCTS, "fp32", 8, first=first).files)
+    used |= set(compose("multiply_add.cl", {}, STRUCTS, "fp32", 8).files)  # the benchmark's own
+    for entry in ("probe_sums", "self_test"):
+        used |= set(compose(f"{entry}.cl", {}, STRUCTS, "fp32", 8).files)
+    assert used == set(kernel_files())
+
+
+def test_names_of_kernel_files_are_unique():
+    paths = list(kernels_folder().rglob("*.cl"))
+    assert len(paths) == len(kernel_files()) > 60
+
+
+def test_families_here_are_those_of_the_folder():
+    stars = {
+        star
+        for path in kernel_files().values()
+        for star in re.findall(r'^#include "([a-z0-9_]+)_\*\.cl"', path.read_text(), re.M)
+    }
+    assert stars == {*FAMILIES, *PATH_FAMILIES, "simd", "real"}
+    for family, members in (FAMILIES | PATH_FAMILIES).items():
+        assert {f"{family}_{member}.cl" for member in members} == {
+            name for name in kernel_files() if re.fullmatch(rf"{family}_[a-z0-9_]+\.cl", name)
+        }
+
+
+@pytest.mark.parametrize("path", kernel_files().values(), ids=lambda path: path.name)
+def test_kernel_files_are_short_plain_and_introduced(path):
+    text = path.read_bytes().decode("ascii")  # raises on anything else
+    lines = text.splitlines()
+    assert path.suffix == ".cl" and len(lines) < 250 and "\t" not in text
+    assert lines[0].startswith("// ")
+
+
+def test_a_file_comes_in_once_and_before_its_user():
+    source = compose("trace_forward.cl", next(all_choices()), STRUCTS, "fp32", 16)
+    assert len(set(source.files)) == len(source.files)
+    assert source.files[-1] == "trace_forward.cl"
+    assert source.text.count("typedef struct { wordv word[4]; } Philox;") == 1
+    assert source.files.index("philox.cl") < source.files.index("sampler_philox.cl")
+    assert "#include" not in source.text
+
+
+def test_precision_and_width_choose_the_types():
+    for precision, width, files in [
+        ("fp32", 1, {"real_float.cl", "simd_scalar.cl"}),
+        ("fp64", 8, {"real_double.cl", "simd_vector.cl"}),
+    ]:
+        source = compose("uniform.cl", {}, STRUCTS, precision, width)
+        assert files <= set(source.files)
+        assert ("-DWIDTH=8" in source.options) == (width == 8)
+        assert not any("relaxed" in option or "unsafe" in option for option in source.options)
+
+
+def test_an_entry_elsewhere_includes_files_of_the_folder(tmp_path):
+    entry = write(
+        tmp_path / "mine.cl", '#include "philox.cl"\n__kernel void mine(__global int *x) { x[0] = WIDTH; }\n'
+    )
+    source = compose(entry, {}, STRUCTS, "fp32", 1)
+    assert source.files == ("real_float.cl", "simd_scalar.cl", "philox.cl", "mine.cl")
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """The user's folder for temporary files."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    return folder
+
+
+def refusal_of_broken(device, folder) -> str:
+    entry = write(folder / "broken_here.cl", "int first = no_such_name;\nint second = nor_this;\n")
+    with pytest.raises(DeviceError) as caught:
+        build(device, compose(entry, {}, STRUCTS, "fp32", 1))
+    message = str(caught.value)
+    assert message.startswith(f"{device.label}: kernels do not build: ") and "\n" not in message
+    return message
+
+
+def test_the_compilers_whole_log_is_in_a_file_of_the_users_own(device, tmp_path, temporary):
+    messages = [refusal_of_broken(device, tmp_path) for _ in range(2)]
+    paths = [Path(message.rpartition("; the compiler's log: ")[2]) for message in messages]
+    assert paths[0] != paths[1]
+    for path in paths:
+        assert path.parent == temporary and re.fullmatch(r"irtscots-build-\w{8}\.log", path.name)
+        log = path.read_text(encoding="utf-8")
+        assert log.count("\n") > 1 and "no_such_name" in log and "nor_this" in log
+        assert os.name == "nt" or path.stat().st_mode & 0o777 == 0o600
+
+
+def test_a_log_that_cannot_be_kept_does_not_hide_the_error(device, tmp_path, temporary, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "mkstemp", full)
+    message = refusal_of_broken(device, tmp_path)
+    assert message.endswith("; its log could not be kept: [Errno 28] No space left on device")
+    assert "error" in message
+
+
+@pytest.mark.parametrize("line", [1, 2, 5])
+def test_a_compilers_message_names_file_and_line(device, tmp_path, temporary, line):
+    lines = ["// nothing"] * 6
+    lines[0] = lines[2] = '#include "philox.cl"'
+    lines.insert(line - 1, "int broken = no_such_name;")
+    entry = write(
+        tmp_path / "broken_here.cl", "\n".join([*lines, "__kernel void broken_here(__global int *x) {}", ""])
+    )
+    with pytest.raises(DeviceError) as caught:
+        build(device, compose(entry, {}, STRUCTS, "fp32", 1))
+    message = str(caught.value)
+    assert "\n" not in message and "kernels do not build" in message
+    assert re.search(rf"broken_here\.cl\D{{1,3}}{line}\b", message)  # clang "file:line:", others "file(line)"
+
+
+def test_unknown_names_are_refused(tmp_path):
+    with pytest.raises(KeyError, match="surface"):
+        compose("mirror_nominal.cl", {}, STRUCTS, "fp32", 1)
+    with pytest.raises(FileNotFoundError, match="surface_saddle"):
+        compose("mirror_nominal.cl", {"surface": "saddle", "aperture": "disk"}, STRUCTS, "fp32", 1)
+    entry = write(tmp_path / "nowhere.cl", '#include "nowhere_else.cl"\n')
+    with pytest.raises(FileNotFoundError, match="nowhere_else"):
+        compose(entry, {}, STRUCTS, "fp32", 1)
+
+
+def test_building_twice_gives_the_same_program(device):
+    packed = pack(Calibration(load_scene("sphere")), "fp32")
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    sources = [compose("trace_adjoint.cl", choices, packed.structs, "fp32", 1) for _ in range(2)]
+    assert build(device, sources[0]) is build(device, sources[1])
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+def test_no_number_and_no_string_of_a_scene_reaches_the_source(estimator):
+    first = lopsided()
+    second = replace(
+        first, name="Xx-another_Name.9", mirror=replace(first.mirror, radius_mm=1501.25, reflectance=0.5)
+    )
+    texts = []
+    for scene in (first, second):
+        packed = pack(Calibration(scene), "fp32")
+        choices = packed.choices | {"sampler": "philox", "accumulate": "tile"}
+        texts.append(compose(f"trace_{estimator}.cl", choices, packed.structs, "fp32", 16))
+    assert texts[0] == texts[1]
+    assert all(word not in texts[0].text for word in (first.name, second.name, "1500", "1501"))
+
+
+def test_check_precision(device):
+    with pytest.raises(ValueError, match="precision = 'half': must be fp32 or fp64"):
+        check_precision(device, "half")
+    check_precision(device, "fp32")
+
+    class WithoutDoubles:
+        has_fp64, label = False, "device 3:1 Some GPU"
+
+    with pytest.raises(DeviceError, match="fp64: device 3:1 Some GPU has no double precision"):
+        check_precision(WithoutDoubles(), "fp64")

@@ -1,0 +1,107 @@
+"""Aims of the forward estimator: what is aimed at the camera brings the same light as what is aimed at the mirror."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lopsided import lopsided
+from significance import poisson_ratio_p, sidak_p
+
+from irtscots_cl.optics.aim import Aim, camera_aim, mirror_aim
+from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.tracing.packing.sources import emitters
+from irtscots_cl.tracing.trace import trace
+
+FAILURE_CHANCE = 1e-6  # of all statistical tests of this file together
+NAMES = ("sphere", "sphere-deviated", "off-axis", "lopsided", "holed")
+
+
+def scene_of(name):
+    if name == "lopsided":
+        return lopsided()
+    if name == "holed":
+        scene = load_scene("sphere")
+        return replace(scene, mirror=replace(scene.mirror, obscuration_mm=300.0))
+    return load_scene(name)
+
+
+def light_into_camera(scene, rays, seed):
+    """Screen pixels [k] and directions [k, 2] of rays from all over the detector and the aperture, by the oracle of
+    the chief-ray calibration with other random numbers than the aim's own check."""
+    random, calibration = np.random.default_rng(seed), calibrate(scene)
+    rows, columns = calibration.shape
+    angle, radius = random.random(rays) * 2 * np.pi, np.sqrt(random.random(rays)) / 2
+    a, b = (scene.camera.aperture_diameter_mm * radius * f(angle) for f in (np.cos, np.sin))
+    points, u, v = calibration.reverse(
+        random.uniform(-0.5, rows - 0.5, rays), random.uniform(-0.5, columns - 0.5, rays), a, b
+    )
+    screen, frame = scene.screen, calibration.screen_frame
+    column, row = (
+        np.floor((w - offset) / screen.pitch_mm + n / 2)
+        for w, offset, n in zip((u, v), screen.centre_offset_mm, screen.pixels, strict=True)
+    )
+    use = calibration.surface.contains(points[:, 0], points[:, 1])
+    use &= (column >= 0) & (column < screen.pixels[0]) & (row >= 0) & (row < screen.pixels[1])
+    way = points[use] - frame.to_world(u[use], v[use])
+    cosines = way @ frame.axes[:2].T / np.linalg.norm(way, axis=-1, keepdims=True)
+    return (row * screen.pixels[0] + column)[use].astype(int), cosines
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_both_aims_hold_all_light_that_reaches_the_camera(name):
+    scene = scene_of(name)
+    pixel, cosines = light_into_camera(scene, 2**17, 5)
+    assert len(pixel) > 2**13
+    aim = camera_aim(scene)
+    assert aim.holds(pixel, cosines).all() and mirror_aim(scene).holds(pixel, cosines).all()
+    # the same rays tell of an aim that is too small
+    assert not Aim(aim.centre, aim.root * 0.5, aim.share).holds(pixel, cosines).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "most"), [("sphere", 0.30), ("sphere-deviated", 0.35), ("off-axis", 0.13), ("holed", 0.50)]
+)
+def test_the_camera_sees_little_of_the_mirror_lit_by_one_pixel(name, most):
+    scene = scene_of(name)
+    aim, whole = camera_aim(scene), mirror_aim(scene)
+    assert aim.share < most
+    np.testing.assert_allclose(aim.area, aim.share * whole.area, rtol=1e-12)  # rounding
+    assert whole.share == 1.0
+
+
+@pytest.mark.slow
+def test_an_aperture_that_takes_all_light_is_aimed_at_with_the_whole_mirror():
+    scene = load_scene("sphere")
+    wide = replace(scene, camera=replace(scene.camera, aperture_diameter_mm=8.0))
+    assert camera_aim(wide) is mirror_aim(wide)
+
+
+def test_overfill_scales_the_area_of_either_aim():
+    calibration = calibrate(load_scene("sphere"))
+    for aim in ("mirror", "camera"):
+        once, area = emitters(calibration, "fp32", 1.0, aim)
+        twice, larger = emitters(calibration, "fp32", 2.0, aim)
+        np.testing.assert_allclose(larger, 2 * area, rtol=1e-12)  # rounding
+        np.testing.assert_allclose(twice["aim_ll"], np.sqrt(2) * once["aim_ll"], rtol=1e-6)  # float32's
+        np.testing.assert_array_equal(twice["centre_l"], once["centre_l"])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_both_aims_bring_the_same_light(device, name):
+    """Counts of every bin, given their sum, are binomial with the share of the rays that each aim's pixel spends."""
+    scene, rays = scene_of(name), {"off-axis": 4096}.get(name, 2**17)
+    whole = trace(scene, device=device, estimator="forward", rays_per_pixel=rays, replicates=1, seed=3)
+    aimed = trace(
+        scene, device=device, estimator="forward", aim="camera", rays_per_pixel=rays, replicates=1, seed=4
+    )
+    share = camera_aim(scene).share
+    np.testing.assert_allclose(aimed.unit_w, share * whole.unit_w, rtol=1e-12)  # rounding
+    first, second = (run.counts[0].ravel().astype(np.int64) for run in (whole, aimed))
+    lit = first + second > 0
+    p = poisson_ratio_p(first[lit], second[lit], share / (1 + share))
+    p = np.append(p, poisson_ratio_p(first.sum(), second.sum(), share / (1 + share)))
+    assert p.min() > sidak_p(len(p), FAILURE_CHANCE / len(NAMES))
+    assert aimed.ledger["clipped"] < whole.ledger["clipped"] or share == 1.0  # the point of it

@@ -1,0 +1,252 @@
+"""The report of a run: its keys, its sums, its tables and its page."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+
+import numpy as np
+import pytest
+from synthetic import noise_free_stack, small_scene, with_replicates
+
+from irtscots_cl.analysis.comparison import compare
+from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.measurement.prediction import predict_error
+from irtscots_cl.measurement.reconstruction import reconstruct
+from irtscots_cl.report.facts import build_report, path_facts
+from irtscots_cl.report.figures import write_figures
+from irtscots_cl.report.html import write_html
+from irtscots_cl.report.tables import measured_table, path_tables, summary_tables
+from irtscots_cl.system.atomic_files import plain
+from irtscots_cl.system.versions import versions
+from irtscots_cl.tracing.options import TraceOptions
+from irtscots_cl.tracing.results.paths import PathFlux, PathLight, StayingFlux
+from irtscots_cl.tracing.results.transport import Transport
+
+CONTRACT = {
+    "scene",
+    "device",
+    "estimator",
+    "sampler",
+    "seed",
+    "rays_total",
+    "rays_per_second",
+    "seconds",
+    "ledger",
+    "pixels_used",
+    "slope_error_urad_rms",
+    "height_error_nm_rms",
+    "height_standard_error_nm",
+    "zernike",
+}
+MORE = {
+    "smoothing",
+    "error_parts",
+    "measure",
+    "refinement_updates_nm",
+    "precision",
+    "aim",
+    "overfill",
+    "replicates",
+    "versions",
+    "rays_per_pixel",
+    "light_curves_refused",
+    "predicted",
+    "slope_error_urad_rms_standard_error",
+    "height_error_nm_rms_standard_error",
+}
+FATES = [
+    "launched",
+    "detected",
+    "missed_mirror",
+    "clipped",
+    "off_detector",
+    "off_screen",
+    "absorbed",
+    "failed",
+]
+LEDGER = dict(zip(FATES, (1000, 900, 50, 20, 10, 15, 3, 2), strict=True))
+SECONDS = {"build": 0.5, "trace": 0.25, "reconstruct": 0.1, "total": 0.9}
+DEVICE = {"index": "0:0", "name": "A <b>device</b> [bold]", "driver": "OpenCL 1.2 / 3"}
+
+
+def made(replicates: int = 3):
+    """Stack, result, comparison and report of images without a device, one pixel dead."""
+    scene = small_scene()
+    stack = noise_free_stack(scene)
+    if replicates > 1:
+        stack = with_replicates(stack, replicates, 0.01)
+    flux = stack.x.flux_w.copy()
+    flux[:, 20 * 41 + 20] = 0.0
+    stack = ImageStack(dataclasses.replace(stack.x, flux_w=flux), stack.y)
+    result = reconstruct(stack, scene.nominal())
+    comparison = compare(result, scene)
+    none = np.zeros(0)
+    transport = Transport(
+        scene,
+        TraceOptions(seed=7),
+        DEVICE,
+        none,
+        none,
+        none,
+        np.full(replicates, 100),
+        LEDGER,
+        {},
+    )
+    report = build_report(transport, "paper", result, comparison, predict_error(result, stack), (), SECONDS)
+    return stack, result, comparison, report
+
+
+@pytest.fixture(scope="module")
+def run():
+    return made()
+
+
+@pytest.fixture(scope="module")
+def report(run):
+    return run[3]
+
+
+def test_the_report_has_the_keys_that_others_rely_on(report):
+    assert set(report) == CONTRACT | MORE
+    assert set(report["seconds"]) == {"build", "trace", "reconstruct", "total"}
+    assert list(report["ledger"]) == FATES
+    assert set(report["slope_error_urad_rms"]) == {"x", "y"}
+    assert set(report["height_error_nm_rms"]) == {"piston", "piston_tilt", "piston_tilt_power"}
+    assert all(
+        set(row) == {"noll", "input_um", "output_um", "standard_error_um"} for row in report["zernike"]
+    )
+    assert {"index", "name", "driver"} <= set(report["device"])
+    assert set(report["versions"]) == {"irtscots-cl", "pyopencl", "numpy", "scipy"} == set(versions())
+
+
+def test_the_report_s_numbers_are_the_run_s(run, report):
+    _, result, comparison, _ = run
+    assert (report["scene"], report["seed"], report["estimator"]) == ("sphere-deviated", 7, "adjoint")
+    assert report["rays_total"] == LEDGER["launched"] == sum(LEDGER[fate] for fate in FATES[1:])
+    assert report["rays_per_second"] == LEDGER["launched"] / SECONDS["trace"]
+    assert (report["replicates"], report["rays_per_pixel"]) == (3, 300)
+    assert report["pixels_used"] == result.mask.sum() == result.on_mirror.sum() - 1
+    assert report["light_curves_refused"] == {
+        "empty": 1,
+        "stray": 0,
+        "saturated": 0,
+        "clipped": 0,  # pixels beside the mirror are not refused
+    }
+    assert report["slope_error_urad_rms"]["x"] == comparison.slope_error_urad["x"].value
+    assert report["height_error_nm_rms"]["piston_tilt"] == comparison.height_error_nm["piston_tilt"].value
+    assert [row["noll"] for row in report["zernike"]] == list(range(1, 46))
+
+
+def test_predictions_are_in_the_units_that_they_are_named_after(run, report):
+    stack, result, _, _ = run
+    predicted = predict_error(result, stack)
+    assert predicted.ray_noise_slope[0] > 0  # no ray counts here, so from the scatter of the exposures
+    assert report["predicted"] == {
+        "slope_error_urad_rms": {"x": predicted.slope[0] * 1e6, "y": predicted.slope[1] * 1e6},
+        "slope_ray_noise_urad_rms": {
+            "x": predicted.ray_noise_slope[0] * 1e6,
+            "y": predicted.ray_noise_slope[1] * 1e6,
+        },
+        "slope_line_sampling_urad_rms": {
+            "x": predicted.line_sampling_slope[0] * 1e6,
+            "y": predicted.line_sampling_slope[1] * 1e6,
+        },
+        "height_error_nm_rms_piston_tilt": predicted.height_mm * 1e6,
+        "height_ray_noise_nm_rms": predicted.ray_noise_height_mm * 1e6,
+        "height_line_sampling_nm_rms": predicted.line_sampling_height_mm * 1e6,
+    }
+
+
+def test_the_report_is_json_and_what_does_not_exist_is_null():
+    single = made(replicates=1)[3]
+    data = json.loads(json.dumps(plain(single), allow_nan=False))
+    assert data["height_standard_error_nm"] is None
+    assert data["slope_error_urad_rms_standard_error"] == {"x": None, "y": None}
+    assert data["zernike"][5]["standard_error_um"] is None
+    assert data["slope_error_urad_rms"]["x"] == single["slope_error_urad_rms"]["x"]
+
+
+def test_the_tables_say_everything_once_with_units(report):
+    run_table, errors, zernike = summary_tables(report)
+    facts = dict(run_table.rows)
+    assert facts["rays"] == "1,000"
+    assert facts["ledger"] == (
+        "detected 900, missed mirror 50, clipped 20, off detector 10, off screen 15, absorbed 3, failed 2"
+    )
+    assert facts["pixels used"] == f"{report['pixels_used']:,}, not used: 1 empty"
+    assert [row[0] for row in errors.rows] == [
+        "slope x [urad]",
+        "slope y [urad]",
+        "height without piston [nm]",
+        "height without piston, tilt [nm]",
+        "height without piston, tilt, power [nm]",
+    ]
+    assert [row[0] for row in zernike.rows] == ["6", "8", "9", "11", "29", "38"]  # those that the scene has
+    for table in (run_table, errors, zernike):
+        assert all(len(row) == len(table.head) for row in table.rows)
+
+
+def test_a_mirror_without_deviation_has_no_table_of_coefficients(report):
+    plain_mirror = report | {"zernike": [row | {"input_um": 0.0} for row in report["zernike"]]}
+    assert len(summary_tables(plain_mirror)) == 2
+
+
+def test_a_measurement_s_table():
+    facts = {
+        "scene": "a",
+        "pixels_used": 9000,
+        "light_curves_refused": {"empty": 0, "clipped": 12},
+        "deviation_nm_rms": {"piston": 384.12, "piston_tilt": 1.0},
+    }
+    assert measured_table(facts).rows == [
+        ("pixels used", "9,000, not used: 12 clipped"),
+        ("without piston [nm]", "384.1"),
+        ("without piston, tilt [nm]", "1"),
+    ]
+
+
+def test_paths_with_their_focus_and_blur():
+    """Lengths to a micrometre, no minus before a zero, nothing where there is none."""
+    paths = (
+        PathFlux("screen > mirror > lens > detector", "direct", 2.0, 0.01, 900, -2e-7, 1e-8),
+        PathFlux("screen > mirror > plate (r) > lens > detector", "ghost", 0.5, 0.01, 50, -14.71418, 5.0923),
+        PathFlux("other", "other", 0.1, 0.01, 7),
+    )
+    light = PathLight(small_scene(), TraceOptions("nonsequential"), DEVICE, paths,
+                      (StayingFlux("absorbed by stop", 7.0, 0.02), StayingFlux("escaped", 0.0, 0.0)), 9.6,
+                      np.zeros((3, 3, 2, 1)), np.full(3, 100),
+                      {"launched": 1000, "parted": 0, "detected": 957, "escaped": 0, "absorbed by stop": 43}, LEDGER,
+                      SECONDS)  # fmt: skip
+    facts = plain(path_facts(light, ()))
+    assert [(path["focus_mm"], path["blur_mm"]) for path in facts["paths"]] == [
+        (-2e-7, 1e-8), (-14.71418, 5.0923), (None, None)
+    ]  # fmt: skip
+    table, ends = path_tables(path_facts(light, ()))
+    assert table.head == ("path", "kind", "flux [W]", "of direct", "rays", "focus [mm]", "blur [mm]")
+    absorbed = ("absorbed by stop", "43", "7 +- 0.02")
+    assert ends.rows == [("launched", "1,000", "9.6"), ("detected", "957", "2.6"), absorbed]
+    assert [row[-2:] for row in table.rows] == [("0.000", "0.000"), ("-14.714", "5.092"), ("", "")]
+
+
+def test_the_page_shows_all_figures_and_tables_and_escapes_text(report, tmp_path):
+    figures = ["images.png", "height.png"]
+    toml = 'name = "x" # <script>alert("1")</script> & more'
+    write_html(tmp_path / "report.html", report, figures, toml)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert re.findall(r'<img src="([^"]+)"', page) == [f"figures/{name}" for name in figures]
+    assert "<script>" not in page and "&lt;script&gt;" in page and "&amp; more" in page
+    assert "<b>device</b>" not in page and "A &lt;b&gt;device&lt;/b&gt; [bold]" in page
+    for table in summary_tables(report):
+        assert all(cell in page for row in table.rows for cell in row)
+    assert page.startswith("<!doctype html>") and page.rstrip().endswith("</html>")
+
+
+@pytest.mark.parametrize("truth_known", [True, False])
+def test_the_figures_are_pictures(run, tmp_path, truth_known):
+    stack, result, comparison, _ = run
+    names = write_figures(tmp_path, stack, result, comparison if truth_known else None)
+    assert names == ["images.png", "light_curve.png", "slopes.png", "height.png"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+    assert all((tmp_path / name).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" for name in names)

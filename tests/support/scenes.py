@@ -1,0 +1,33 @@
+"""Variants of the preset scenes that many tests trace."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from lopsided import lopsided
+
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
+
+
+def scene_of(name: str) -> Scene:
+    """A preset, or the lop-sided scene in which no two lengths are equal."""
+    return lopsided() if name == "lopsided" else load_scene(name)
+
+
+def with_part(scene: Scene, part: str, **changes) -> Scene:
+    """The scene with changed values of its mirror, screen or camera."""
+    return replace(scene, **{part: replace(getattr(scene, part), **changes)})
+
+
+def coarse(scene: Scene | str = "sphere-deviated", pixels: int = 25) -> Scene:
+    """A scene or preset with pixels x pixels larger detector pixels behind the same optics."""
+    scene = load_scene(scene) if isinstance(scene, str) else scene
+    detector = scene.camera.detector
+    pitch = round(detector.pitch_mm * detector.pixels[0] / pixels, 12)
+    return with_part(scene, "camera", detector=replace(detector, pixels=(pixels, pixels), pitch_mm=pitch))
+
+
+def coarse_screen(scene: Scene) -> Scene:
+    """The scene with 7 x 7 screen pixels."""
+    return with_part(scene, "screen", pixels=(7, 7), pitch_mm=0.6)

@@ -1,0 +1,80 @@
+"""Options of a trace: each that is out of range is refused in one line that names it as the command line does."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from irtscots_cl.tracing.options import AIMS, ANALYTIC, ESTIMATORS, NONSEQUENTIAL, TraceOptions
+from irtscots_cl.tracing.samplers import SAMPLERS
+
+ALL = (*ESTIMATORS, ANALYTIC, NONSEQUENTIAL)
+
+
+def test_the_defaults_are_allowed_and_cannot_be_changed_afterwards():
+    options = TraceOptions()
+    assert (options.estimator, options.sampler, options.precision) == ("adjoint", "philox", "fp32")
+    assert (options.seed, options.overfill, options.smoothing) == (1, 1.0, False)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        options.seed = 2
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        *({"estimator": name} for name in (*ESTIMATORS, ANALYTIC)),
+        *({"sampler": name} for name in SAMPLERS),
+        *({"precision": name} for name in ("fp32", "fp64")),
+        *({"seed": seed} for seed in (0, 2**64 - 1)),
+        *({"overfill": overfill} for overfill in (1.0, 1, 1e4)),
+        *({"estimator": "forward", "aim": aim} for aim in AIMS),
+        {"smoothing": True},
+        {"smoothing": True, "sampler": "sobol", "precision": "fp64", "seed": 7},
+    ],
+    ids=str,
+)
+def test_every_value_in_range_is_kept(given):
+    options = TraceOptions(**given)
+    assert {name: getattr(options, name) for name in given} == given
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        *(
+            ({"estimator": name}, f"--estimator = '{name}': must be one of {', '.join(ALL)}")
+            for name in ("backward", "")
+        ),
+        ({"sampler": "halton"}, f"--sampler = 'halton': must be one of {', '.join(SAMPLERS)}"),
+        ({"precision": "fp16"}, "--precision = 'fp16': must be one of fp32, fp64"),
+        ({"seed": -1}, "--seed = -1: must be 0 to 2^64 - 1"),
+        ({"seed": 2**64}, "--seed = 18446744073709551616: must be 0 to 2^64 - 1"),
+        ({"overfill": 0.99}, "--overfill = 0.99: must be 1 to 10000"),
+        ({"overfill": 10001}, "--overfill = 10001: must be 1 to 10000"),
+        ({"overfill": float("nan")}, "--overfill = nan: must be 1 to 10000"),
+        ({"overfill": float("inf")}, "--overfill = inf: must be 1 to 10000"),
+        ({"overfill": -1.0}, "--overfill = -1.0: must be 1 to 10000"),
+        ({"aim": "screen"}, "--aim = 'screen': must be one of mirror, camera"),
+        *(
+            ({"aim": "camera", "estimator": name}, f"--aim camera: must go with --estimator forward, not {name}")
+            for name in ("adjoint", ANALYTIC)
+        ),
+        *(
+            (
+                {"smoothing": True, "estimator": name},
+                f"--smoothing: must go with --estimator adjoint, not {name}",
+            )
+            for name in ("forward", ANALYTIC)
+        ),
+    ],
+    ids=str,
+)
+def test_a_value_out_of_range_is_refused_in_one_line(given, message):
+    with pytest.raises(ValueError, match="must") as caught:
+        TraceOptions(**given)
+    assert str(caught.value) == message and message.isprintable()
+
+
+def test_the_analytic_estimator_is_none_of_those_with_a_kernel():
+    assert ANALYTIC not in ESTIMATORS

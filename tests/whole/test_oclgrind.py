@@ -1,0 +1,242 @@
+"""No kernel reads or writes outside its memory, reads what nobody set, or races: every entry kernel under Oclgrind.
+
+Tiny scenes of a few rays, at both widths, cut into several work-items for each stream. Run by tools/check_kernels.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oclgrind import HOW_TO_GET_IT, Oclgrind, has_oclgrind
+
+from irtscots_cl.opencl import program, selftest
+from irtscots_cl.opencl.device import Device
+from irtscots_cl.opencl.kernel import Workspace
+from irtscots_cl.opencl.program import compose, kernel_files
+from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.scene.element import Element
+from irtscots_cl.scene.mirror import ZernikeTerms
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
+from irtscots_cl.tracing.checks.probes import BLOCK, MeetProbe, PathProbe
+from irtscots_cl.tracing.estimators import nonsequential
+from irtscots_cl.tracing.estimators import sequential as tracer
+from irtscots_cl.tracing.estimators.sequential import Tracer
+from irtscots_cl.tracing.options import TraceOptions
+from irtscots_cl.tracing.packing.sources import emitters, receivers
+from irtscots_cl.tracing.trace import trace_paths
+
+pytestmark = pytest.mark.oclgrind
+
+WIDTHS = (1, 8)
+SAMPLERS = ("philox", "sobol", "lattice")
+FEW = {1: 5, 8: 264}  # rays of a stream: three work-items, or two, the second's block nearly empty
+OF_ITEM = {1: 2, 8: 256}
+SCATTER = {
+    "lambertian": Lambertian(tis=0.2),
+    "harvey": Harvey(l=0.01, s=-1.5, tis=0.2),
+    "abg": ABg(a=1e-3, b=1e-4, g=2),
+}
+checked_files: set[str] = set()
+
+
+@pytest.fixture
+def oclgrind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest):
+    """Oclgrind with all checks."""
+    if not has_oclgrind():
+        pytest.skip(HOW_TO_GET_IT)
+    found = Oclgrind(tmp_path / "log", monkeypatch)
+    yield found
+    checked_files.update(found.files)
+
+
+def small(preset: str, rows: int = 2, aperture: float = 1.0, **mirror: object) -> Scene:
+    """A preset with 2 columns and as many rows of screen pixels and 2 x 2 detector pixels that cover what its own do; a
+    wider aperture finds more light."""
+    scene = load_scene(preset)
+    screen, camera = scene.screen, scene.camera
+    detector = camera.detector
+    return dataclasses.replace(
+        scene,
+        mirror=dataclasses.replace(scene.mirror, **mirror),
+        screen=dataclasses.replace(screen, pixels=(2, rows), pitch_mm=screen.pitch_mm * screen.pixels[0] / 2),
+        camera=dataclasses.replace(
+            camera,
+            aperture_diameter_mm=camera.aperture_diameter_mm * aperture,
+            detector=dataclasses.replace(detector, pixels=(2, 2), pitch_mm=detector.pitch_mm * detector.pixels[0] / 2),
+        ),
+    )
+
+
+def terms(*nolls: int) -> tuple[ZernikeTerms, ...]:
+    return (ZernikeTerms(radius_mm=540.0, ordering="noll", coefficients_um=dict.fromkeys(nolls, 0.1)),)
+
+
+# Every file of the families surface, aperture, mirror, arrival and zernike
+MIRRORS = {
+    "nominal": small("sphere"),
+    "slight": small("sphere", zernike=(ZernikeTerms(radius_mm=540.0, ordering="noll", coefficients_um={4: 1e-5}),)),
+    "power": small("sphere-deviated", 2, 4.0),
+    "clenshaw, hole": small("sphere", conic=-0.5, obscuration_mm=300.0, zernike=terms(*range(4, 200, 13))),
+    "off-axis": small("off-axis"),
+}
+
+
+def traced(scene: Scene, device: Device, options: TraceOptions, accumulate: str, rays: int = 5) -> np.ndarray:
+    """Rays by fate."""
+    run = Tracer(calibrate(scene), device, options, accumulate=accumulate)
+    _, fates = run.run(np.array([rays]))
+    assert fates.sum() == rays * run.streams  # or the kernel did not run
+    return fates
+
+
+@pytest.mark.parametrize("accumulate", ["tile", "atomic"])
+@pytest.mark.parametrize("estimator", ["forward", "adjoint", "lines"])
+@pytest.mark.parametrize("width", WIDTHS)
+def test_estimators(oclgrind, width, estimator, accumulate, monkeypatch):
+    options = TraceOptions("forward") if estimator == "forward" else TraceOptions(smoothing=estimator == "lines")
+    monkeypatch.setattr(tracer, "MAX_RAYS_PER_ITEM", OF_ITEM[width])
+    fates = traced(MIRRORS["power"], oclgrind.device(width), options, accumulate, FEW[width])
+    assert fates[0] > 0  # some light is stored
+    assert oclgrind.complaints() == []
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS[1:])
+@pytest.mark.parametrize("width", WIDTHS)
+def test_samplers(oclgrind, width, sampler):
+    traced(MIRRORS["nominal"], oclgrind.device(width), TraceOptions(sampler=sampler), "tile")
+    assert oclgrind.complaints() == []
+
+
+@pytest.mark.parametrize(
+    "kind, estimator, precision",
+    [("slight", "adjoint", "fp32"), ("clenshaw, hole", "lines", "fp32"), ("clenshaw, hole", "forward", "fp64"),
+     ("off-axis", "adjoint", "fp64"), ("off-axis", "lines", "fp64")],
+)  # fmt: skip
+@pytest.mark.parametrize("width", WIDTHS)
+def test_mirrors_and_precisions(oclgrind, width, kind, estimator, precision):
+    options = TraceOptions(
+        "forward" if estimator == "forward" else "adjoint", precision=precision, smoothing=estimator == "lines"
+    )
+    traced(MIRRORS[kind], oclgrind.device(width), options, "atomic")
+    assert oclgrind.complaints() == []
+
+
+def of_elements(preset: str, **values: object) -> Scene:
+    """A small preset whose first element has other values."""
+    scene = small(preset, 1, 2.0)
+    first, *others = scene.element
+    return dataclasses.replace(scene, element=(dataclasses.replace(first, **values), *others))
+
+
+# beside the screen and the camera: what the mirror sends past them scatters there
+WALL = Element("wall", "absorber", (0.0, 0.0, 4100.0), (0.0, 0.0, 0.0), size_mm=(400.0, 400.0),
+               scatter=SCATTER["harvey"])  # fmt: skip
+PATHS = {
+    "plain": small("sphere", 1, 4.0),
+    "deviated": small("sphere-deviated", 1, 4.0),
+    "singlet": small("sphere-singlet", 1, 2.0),
+    "ghosts": small("ghosts", 1, 2.0),
+    "baffled": small("baffled", 1, 4.0),
+    "window": small("sphere-window", 1, 4.0),
+    "coated": of_elements("sphere-singlet", coating_index=1.2),
+    "wall": dataclasses.replace(small("sphere", 1, 4.0), element=(WALL,)),
+} | {name: small("sphere", 1, 4.0, scatter=model) for name, model in SCATTER.items()}
+
+
+RAYS = 18  # of a screen pixel
+BLOCKS = 264  # more than a block
+
+
+@pytest.mark.parametrize(
+    ("kind", "branches"), [*((kind, "roulette") for kind in PATHS), ("singlet", "both"), ("coated", "both")]
+)
+@pytest.mark.parametrize("width", WIDTHS)
+def test_nonsequential(oclgrind, width, kind, branches, monkeypatch):
+    rays, of_item = BLOCKS if width == 8 and kind == "plain" else RAYS, {1: 6, 8: 256}[width]
+    for name, value in {"PILOT_RAYS": 2 * RAYS, "FOUND_SIZE": 4, "MAX_RAYS_PER_ITEM": of_item}.items():
+        monkeypatch.setattr(nonsequential, name, value)
+    light = trace_paths(PATHS[kind], device=oclgrind.device(width), rays_per_pixel=rays, replicates=1,
+                                      branches=branches)  # fmt: skip
+    assert light.ends["detected"] > 0  # some light is stored
+    assert oclgrind.complaints() == []
+
+
+@pytest.mark.parametrize("entry", ["meet", "adjoint", "forward", "sums", "multiply_add", "device", "none"])
+@pytest.mark.parametrize("width", WIDTHS)
+def test_probes(oclgrind, width, entry, monkeypatch):
+    device, scene, random = oclgrind.device(width), MIRRORS["power"], np.random.default_rng(1)
+    words = random.integers(0, 2**32, (BLOCK, 4), dtype=np.uint32)
+    calibration = calibrate(scene)
+    if entry == "meet":
+        MeetProbe(device, scene, "fp32")(random.uniform(-0.05, 0.05, (4, 13)).astype(np.float32))
+    elif entry == "adjoint":
+        sources = receivers(calibration, np.zeros(BLOCK, int), np.zeros((BLOCK, 2), np.int32), "fp32")
+        PathProbe(device, scene, "fp32", "adjoint")(sources, words)
+    elif entry == "forward":
+        sources, _ = emitters(calibration, "fp32", 1.0, "mirror")
+        PathProbe(device, scene, "fp32", "forward")(np.repeat(sources[:1], BLOCK), words)
+    elif entry == "sums":
+        work = Workspace(device, compose("probe_sums.cl", {}, {}, "fp32", 1), "probe_sums")
+        sums, amounts = work.empty(24), random.integers(0, 2**63, 64, dtype=np.uint64)
+        work.clear(sums)
+        work.launch((64, 1), [work.upload(amounts), work.upload(np.arange(64, dtype=np.uint32) % 3), sums])
+        found = work.download(sums, np.zeros(3, np.uint64))
+        assert [int(n) for n in found] == [sum(int(a) for a in amounts[k::3]) % 2**64 for k in range(3)]
+    elif entry == "multiply_add":
+        work = Workspace(device, compose("multiply_add.cl", {}, {}, "fp32", width), "multiply_add")
+        work.launch((4, 1), [np.int32(3), work.empty(4 * 4 * 64)])
+    elif entry == "device":
+        selftest.probe(device)
+    else:
+        run = Tracer(calibration, device, TraceOptions("forward"), accumulate="none")
+        run.launch(0, (0, run.streams, 0, 3))
+    assert oclgrind.complaints() == []
+
+
+# What it is to find, each put into a copy of a kernel file: (file, what is there, what comes instead, the complaint)
+FAULTS = {
+    "write behind the buffer": ("trace_adjoint.cl", "2 * (size_t)slot", "2 * (size_t)(slot + 1)", "Invalid write"),
+    "read before the buffer": ("window.cl", "hits->slots[pixel],", "hits->slots[pixel - 9],", "Invalid read"),
+    "write behind local memory": ("accumulate_tile.cl", "i < light->bins", "i <= light->bins", "Invalid write"),
+    "race between work-items": (
+        "sum64.cl", "atomic_add(&sums[2 * index], low);", "sums[2 * index]; sums[2 * index] += low;", "data race",
+    ),
+    "tile not cleared": ("accumulate_tile.cl", "light->tile[i] = 0;", ";", "ninitialized"),
+    "variable not set": ("trace_forward.cl", "uint detected = 0, off", "uint detected, off", "ninitialized"),
+    "write behind an array": ("tally.cl", "#define MAX_SUMS 200", "#define MAX_SUMS 8", "Invalid write"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_faults_are_found(oclgrind, fault, monkeypatch):
+    name, old, new, complaint = FAULTS[fault]
+    text, lines = kernel_files()[name].read_text("ascii"), program._lines
+    assert text.count(old) == 1
+    broken = text.replace(old, new).splitlines()
+    monkeypatch.setattr(program, "_lines", lambda path: broken if path.name == name else lines(path))
+    device = oclgrind.device(8 if name == "accumulate_tile.cl" else 1)
+    if name == "tally.cl":
+        monkeypatch.setattr(nonsequential, "PILOT_RAYS", 2 * RAYS)
+        with suppress(AssertionError):  # of the ledger, which the broken kernel writes over
+            trace_paths(PATHS["plain"], device=device, rays_per_pixel=RAYS, replicates=1)
+    else:
+        estimator = "forward" if name in ("trace_forward.cl", "window.cl", "sum64.cl") else "adjoint"
+        run = Tracer(calibrate(MIRRORS["nominal"]), device, TraceOptions(estimator))
+        run.run(np.array([16]))
+    found = oclgrind.complaints()
+    assert any(complaint in line for line in found), found
+
+
+def test_every_kernel_file_was_checked(request):
+    """Over the tests above; only where all of them ran."""
+    if not has_oclgrind():
+        pytest.skip(HOW_TO_GET_IT)
+    here = [item for item in request.session.items if item.fspath == request.node.fspath]
+    assert len(here) >= 60, "run the whole file"
+    assert checked_files == set(kernel_files())
