@@ -35,8 +35,8 @@ from typing import Any
 # wrong argument on the command line need not wait for NumPy, OpenCL and Matplotlib.
 _PUBLIC = {
     "DeviceError": "opencl.device",
+    "Checkpoints": "execution.checkpoint",
     "Interrupted": "execution.checkpoint",
-    "Keeper": "execution.checkpoint",
     "LineLight": "tracing.results.transport",
     "LineScan": "imaging.patterns",
     "Scene": "scene.model",
@@ -44,7 +44,7 @@ _PUBLIC = {
     "Transport": "tracing.results.transport",
     "all_devices": "opencl.device",
     "compare": "analysis.comparison",
-    "error_parts": "analysis.error_terms",
+    "error_terms": "analysis.error_terms",
     "integrate_slopes": "maths.integration",
     "load_scene": "scene.presets",
     "measure_by": "measurement.methods",
@@ -59,12 +59,17 @@ _PUBLIC = {
     "zernike": "maths.zernike.polynomials",
 }
 
-__all__ = ["__version__", *_PUBLIC]
+# Earlier names, which go on working.
+_ALIASES = {"Keeper": "Checkpoints", "error_parts": "error_terms"}
+
+__all__ = ["__version__", *_PUBLIC, *_ALIASES]
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         value = import_module(f"{__name__}.system.versions").package_version()
+    elif name in _ALIASES:
+        value = __getattr__(_ALIASES[name])
     elif name in _PUBLIC:
         value = getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
     else:

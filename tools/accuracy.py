@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from irtscots_cl.analysis.comparison import compare
-from irtscots_cl.analysis.error_terms import error_parts, rounding_height_nm
+from irtscots_cl.analysis.error_terms import error_terms, rounding_height_nm
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.measurement.methods import MEASURES, measure_by
 from irtscots_cl.opencl.device import Device, select_device
@@ -36,7 +36,7 @@ def floors(scene: Scene, device: Device) -> None:
     columns: dict[str, dict[str, float]] = {}
     for name in MEASURES:
         result = measure_by(name, stack, scene.nominal())
-        parts = error_parts(result, scene, name, run.options)
+        parts = error_terms(result, scene, name, run.options)
         column = {part.name: part.height_nm for part in parts if part.name != "ray noise"}
         whole = compare(result, scene).height_error_nm["piston_tilt"].value
         extra = {"float rounding, fp32": rounding_height_nm(result, scene, rounding, device)}

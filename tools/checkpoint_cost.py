@@ -13,7 +13,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from irtscots_cl.execution.checkpoint import Interrupted, Keeper, KeptTrace
+from irtscots_cl.execution.checkpoint import Checkpoint, Checkpoints, Interrupted
 from irtscots_cl.opencl.device import select_device
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.trace import trace
@@ -21,10 +21,10 @@ from irtscots_cl.tracing.trace import trace
 MANY_RAYS = 2**32  # per pixel: more than there is time for
 
 
-class Watched(Keeper):
+class Watched(Checkpoints):
     """Remembers its trace's file."""
 
-    def file_of(self, facts) -> KeptTrace:
+    def file_of(self, facts) -> Checkpoint:
         self.kept = super().file_of(facts)
         return self.kept
 

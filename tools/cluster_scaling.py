@@ -86,7 +86,7 @@ def costs(client: Client, scheduler: psutil.Process, scene) -> dict[str, float]:
     options = {"client": client, "rays_per_pixel": MANY_TASKS // 2, "replicates": 2}
     trace(scene, **(options | {"rays_per_pixel": 16}))
     before, started = sum(scheduler.cpu_times()[:2]), time.process_time()
-    run = trace(scene, launch_rays=work.streams, **options)
+    run = trace(scene, launch_rays=work.sources, **options)
     tasks = sum(worker["tasks"] for worker in run.device["workers"])
     used = sum(scheduler.cpu_times()[:2]) - before, time.process_time() - started
     return {"tasks": tasks, "scheduler_seconds": used[0] / tasks, "client_seconds": used[1] / tasks}

@@ -21,7 +21,7 @@ from scipy.stats import chi2
 
 from irtscots_cl.bench.suite import conditions, peak_memory_mib
 from irtscots_cl.opencl.device import Device, select_device
-from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.estimators.sequential import Tracer
 from irtscots_cl.tracing.options import TraceOptions
@@ -48,15 +48,15 @@ Peer = Callable[[int, int, dict], np.ndarray]
 def job() -> dict:
     """The scene's numbers, from this program's own description but traced by nobody here."""
     scene = load_scene("sphere")
-    calibration = calibrate(scene)
-    sources, _ = emitters(calibration, "fp64", 1.0, "mirror")
+    chief = chief_rays(scene)
+    sources, _ = emitters(chief, "fp64", 1.0, "mirror")
     return {
         "radius": scene.mirror.radius_mm,
         "rim2": (scene.mirror.diameter_mm / 2) ** 2,
         "pitch": scene.screen.pitch_mm,
         "sources": np.array([list(source) for source in sources]),  # x, y, centre l, m, aim ll, ml, mm
-        "screen": np.vstack([calibration.screen_frame.position_mm, calibration.screen_frame.axes]),
-        "camera": np.vstack([calibration.camera_frame.position_mm, calibration.camera_frame.axes]),
+        "screen": np.vstack([chief.screen_frame.position_mm, chief.screen_frame.axes]),
+        "camera": np.vstack([chief.camera_frame.position_mm, chief.camera_frame.axes]),
         "aperture2": (scene.camera.aperture_diameter_mm / 2) ** 2,
         "focal": scene.camera.focal_length_mm,
         "image": scene.camera.image_distance_mm,
@@ -123,22 +123,22 @@ def our_tracers(device: Device) -> dict[str, Tracer]:
     options = {f"irtscots-cl {sampler}": TraceOptions("forward", sampler) for sampler in ("philox", "sobol", "lattice")}
     if device.has_fp64:
         options["irtscots-cl philox fp64"] = TraceOptions("forward", "philox", "fp64")
-    return {name: Tracer(calibrate(load_scene("sphere")), device, option) for name, option in options.items()}
+    return {name: Tracer(chief_rays(load_scene("sphere")), device, option) for name, option in options.items()}
 
 
 def time_all(tracers: dict[str, Tracer], peers: dict[str, tuple[Peer, int]], given: dict) -> dict[str, list[float]]:
     """Rays per second by name, of ROUNDS rounds in which all take their turns. Kernel time of ours, wall of peers."""
-    streams = len(given["sources"])
+    sources = len(given["sources"])
     rates: dict[str, list[float]] = {name: [] for name in (*tracers, *peers)}
     for tracer in tracers.values():
-        tracer.throughput(CHECKED_RAYS * streams)  # warm-up, as the peers had theirs
+        tracer.throughput(CHECKED_RAYS * sources)  # warm-up, as the peers had theirs
     for seed in range(ROUNDS):
         for name, tracer in tracers.items():
-            rates[name].append(tracer.throughput(RAYS * streams))
+            rates[name].append(tracer.throughput(RAYS * sources))
         for name, (peer, of_pixel) in peers.items():
             started = time.perf_counter()
             peer(of_pixel, seed, given)
-            rates[name].append(of_pixel * streams / (time.perf_counter() - started))
+            rates[name].append(of_pixel * sources / (time.perf_counter() - started))
     return rates
 
 

@@ -17,10 +17,10 @@ from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.methods import measure_by
 from irtscots_cl.measurement.reconstruction import Reconstruction, design_points, triangulated
-from irtscots_cl.measurement.slopes import without_pixel_average
+from irtscots_cl.measurement.slopes import deconvolve_pixel
 from irtscots_cl.opencl.device import Device
-from irtscots_cl.optics.chief_rays import calibrate
-from irtscots_cl.optics.pixel.response import pixel_light
+from irtscots_cl.optics.chief_rays import chief_rays
+from irtscots_cl.optics.pixel.response import pixel_response
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
@@ -31,7 +31,7 @@ WHOLE = 1 - 1e-9  # coverage of a pixel that the mirror's rim does not cross
 
 
 @dataclass(frozen=True)
-class ErrorPart:
+class ErrorTerm:
     """One part of an error. slope_urad: rms (x, y) over the mask, NaN for a part that has none. height_nm: rms of
     height_mm, [rows, columns], piston and tilt removed."""
 
@@ -41,9 +41,9 @@ class ErrorPart:
     height_mm: np.ndarray
 
 
-def error_parts(
+def error_terms(
     result: Reconstruction, scene: Scene, measure: str, options: TraceOptions, device: Device | None = None
-) -> tuple[ErrorPart, ...]:
+) -> tuple[ErrorTerm, ...]:
     """The parts of a result's height error against the scene's true mirror, in the order of the measurement.
 
     measure: name of measures.MEASURES that the result is by. options: that its images were traced with. device: for
@@ -78,14 +78,14 @@ def error_parts(
 
 def _stages(result: Reconstruction, free: Reconstruction, scene: Scene, surface: Surface) -> dict[str, np.ndarray]:
     """Slope maps [2, rows, columns] of the stages' errors, of a result that was not refined."""
-    design, x, y = calibrate(scene.nominal()), result.x_mm, result.y_mm
+    design, x, y = chief_rays(scene.nominal()), result.x_mm, result.y_mm
     true_height = surface.sag(x, y)
     own = np.stack(triangulated(design, x, y, design.surface.sag(x, y), *design_points(design)[2:]))
 
     def measured(z_mm, u_mm, v_mm) -> np.ndarray:  # what the measurement makes of centroids, given the height
         return _averaged(result, np.stack(triangulated(design, x, y, z_mm, u_mm, v_mm)) - own)
 
-    light = pixel_light(scene)
+    light = pixel_response(scene)
     means = np.full((2, result.mask.size), np.nan)
     means[:, light.pixels] = light.means("uv")
     means = means.reshape(2, *result.mask.shape)
@@ -120,7 +120,7 @@ def _rounding(
     """Slopes [2, rows, columns] in single less those in double precision, of the same rays; None where not told."""
     if options.estimator != "adjoint" or options.precision != "fp32" or device is None or not device.has_fp64:
         return None
-    design = calibrate(scene.nominal())
+    design = chief_rays(scene.nominal())
     slopes = []
     for precision in ("fp32", "fp64"):
         run = trace(scene, device=device, precision=precision, sampler=options.sampler, seed=options.seed,
@@ -142,15 +142,15 @@ def rounding_height_nm(result: Reconstruction, scene: Scene, options: TraceOptio
 
 
 def _averaged(result: Reconstruction, slopes: np.ndarray) -> np.ndarray:
-    return slopes if result.pixel_average else without_pixel_average(slopes, result.mask)
+    return slopes if result.pixel_average else deconvolve_pixel(slopes, result.mask)
 
 
 def _integrate(result: Reconstruction, slopes: np.ndarray) -> np.ndarray:
     return integrate_slopes(result.x_mm, result.y_mm, *slopes, result.mask, result.method)
 
 
-def _part(result: Reconstruction, name: str, slopes: np.ndarray | None, height: np.ndarray) -> ErrorPart:
+def _part(result: Reconstruction, name: str, slopes: np.ndarray | None, height: np.ndarray) -> ErrorTerm:
     height = remove_terms(result.x_mm, result.y_mm, height, result.mask, "piston_tilt")
     known = slopes if slopes is not None else np.full((2, *result.mask.shape), np.nan)
     slope = tuple(float(np.sqrt(np.mean(s[result.mask] ** 2)) * 1e6) for s in known)
-    return ErrorPart(name, slope, rms(height, result.mask) * 1e6, height)
+    return ErrorTerm(name, slope, rms(height, result.mask) * 1e6, height)

@@ -36,7 +36,7 @@ RAYS = {
     "smoothed": tuple(4 * 4**k for k in range(8)),
 }
 QUICK_RAYS = {"forward": (2**15, 2**17), "adjoint": (64, 256), "smoothed": (16, 64)}
-LEAST_USED = 0.9  # of the pixels on the mirror: with fewer rays the error is that of other pixels
+MIN_USED = 0.9  # of the pixels on the mirror: with fewer rays the error is that of other pixels
 QUICK_MEASURES = ("paper", "fine")
 
 # The paper's runs of this scene: rays per screen pixel, slope errors x, y in urad and height error in nm (its Table 5).
@@ -125,7 +125,7 @@ def _point(scene: Scene, device: Device, series: Series, rays: int, seeds: int) 
             found = [_measured(name, run.images(LineScan(scene)), scene) for run in runs]
         except ValueError:  # so few rays that hardly a pixel has light
             continue
-        if min(result.pixels_used / result.on_mirror.sum() for result, _ in found) < LEAST_USED:
+        if min(result.pixels_used / result.on_mirror.sum() for result, _ in found) < MIN_USED:
             continue
         rows.append(_row(scene, series.kind, o, rays, seconds, name, found) | {"rays": runs[0].rays_total})
     return rows

@@ -15,7 +15,7 @@ import numpy as np
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
-from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
@@ -134,7 +134,7 @@ def _tracer(case: Case, device: Device) -> Tracer | PathTracer:
     options = TraceOptions(case.estimator, case.sampler, case.precision, smoothing=case.smoothing)
     if case.estimator == NONSEQUENTIAL:
         return PathTracer(case.scene, device, options)
-    return Tracer(calibrate(case.scene), device, options, width=case.width, accumulate=case.accumulate)
+    return Tracer(chief_rays(case.scene), device, options, width=case.width, accumulate=case.accumulate)
 
 
 def multiply_add_rate(device: Device) -> float:

@@ -50,9 +50,9 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 def visible_scene(name_or_path: str) -> Scene:
     """A scene that can be traced; refused under the name that the user gave it."""
     scene = load_scene(name_or_path)
-    from irtscots_cl.optics.chief_rays import calibrate, check_visible
+    from irtscots_cl.optics.chief_rays import check_visible, chief_rays
 
-    check_visible(calibrate(scene), name_or_path)
+    check_visible(chief_rays(scene), name_or_path)
     return scene
 
 
@@ -94,7 +94,7 @@ def add_trace_choices(parser: argparse.ArgumentParser, device_help: str = DEVICE
 @contextmanager
 def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
     """device= or client= of `trace`, as --device and --dask say."""
-    from irtscots_cl.execution.dask.cluster import Cluster, connect
+    from irtscots_cl.execution.dask.cluster import DaskExecutor, connect
     from irtscots_cl.opencl.device import select_devices
 
     if options.dask is None:
@@ -104,7 +104,7 @@ def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
         raise ValueError("--device: must be left out with --dask: IRTSCOTS_DEVICE of each worker names its device")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what the user can act on is said by us, in one line
     with connect(options.dask) as client:
-        yield {"client": Cluster(client)}
+        yield {"client": DaskExecutor(client)}
 
 
 def add_measure(parser: argparse.ArgumentParser) -> None:

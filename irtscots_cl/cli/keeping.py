@@ -32,9 +32,11 @@ def keeping(folder: Path, name: str, resume: bool, *, many: bool = False, max_se
 
     Interrupted where something can be gone on with, it raises StoppedError. A folder that was made does not stay empty.
     """
-    from irtscots_cl.execution.checkpoint import Interrupted, Keeper
+    from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
 
-    keeper = Keeper(folder / name, resume, many, max_seconds, lambda line: print(f"irtscots: {line}", file=sys.stderr))
+    keeper = Checkpoints(
+        folder / name, resume, many, max_seconds, lambda line: print(f"irtscots: {line}", file=sys.stderr)
+    )
     made = [part for part in (folder, *folder.parents) if not part.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:

@@ -40,7 +40,7 @@ def _source(scene, choice: str | None, options):
         from irtscots_cl.tracing.estimators.nonsequential import PathTracer
 
         return PathTracer(scene, device, options).source
-    from irtscots_cl.optics.chief_rays import calibrate
+    from irtscots_cl.optics.chief_rays import chief_rays
     from irtscots_cl.tracing.estimators.sequential import Tracer
 
-    return Tracer(calibrate(scene), device, options).source
+    return Tracer(chief_rays(scene), device, options).source

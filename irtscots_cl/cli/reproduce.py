@@ -44,22 +44,22 @@ def _execute(options: argparse.Namespace) -> int:
     names = suite.chosen(options.what)
     check_output_folder(options.out)
     from irtscots_cl.opencl.device import select_device
-    from irtscots_cl.studies.traces import Lab
+    from irtscots_cl.studies.traces import SharedTraces
 
     device, finished = select_device(options.device), []
     with keeping(options.out, "checkpoints", options.resume, many=True) as keeper:
-        lab = Lab(device, options.quick, keeper=keeper)
+        traces = SharedTraces(device, options.quick, keeper=keeper)
         for name in names:
-            with Progress(name, options.quiet) as lab.progress:
-                finished.append(suite.run_study(name, lab))
+            with Progress(name, options.quiet) as traces.progress:
+                finished.append(suite.run_study(name, traces))
             if not options.json:
                 print_tables(suite.tables(finished[-1:]))
                 print("\n".join(f"  {note}" for note in finished[-1].outcome.notes))
                 sys.stdout.flush()
-        results = suite.facts(finished, lab)
+        results = suite.facts(finished, traces)
         suite.write_figures(options.out, finished)
         if options.what == suite.ALL:
-            suite.write_documents(options.out, finished, lab)
+            suite.write_documents(options.out, finished, traces)
         write_json(options.out / "reproduce.json", results)
         keeper.remove()
     if options.json:

@@ -181,9 +181,9 @@ def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
 def _reach(scene, options: argparse.Namespace, given: dict):
     """Run what reaches the target."""
     from irtscots_cl.opencl.device import select_device
-    from irtscots_cl.pipeline.target import reach
+    from irtscots_cl.pipeline.target import run_to_target
 
     device = select_device(options.device)
     with Progress(quiet=options.quiet) as progress:
-        return reach(scene, options.target_nm, device=device, seed=options.seed, parts=options.parts,
+        return run_to_target(scene, options.target_nm, device=device, seed=options.seed, parts=options.parts,
                      progress=progress, **given)  # fmt: skip

@@ -21,7 +21,7 @@ import numpy as np
 
 from irtscots_cl.execution.checkpoint_file import (
     DIGEST_BYTES,
-    Facts,
+    Fingerprint,
     damaged,
     differences,
     digest_hash,
@@ -31,9 +31,9 @@ from irtscots_cl.execution.checkpoint_file import (
     read_header,
     write_checkpoint,
 )
-from irtscots_cl.execution.launch_plan import Place
+from irtscots_cl.execution.launch_plan import Cursor
 
-LEAST_SECONDS = 5.0  # between two saves
+MIN_SECONDS = 5.0  # between two saves
 COST_SHARE = 50  # the time between two saves is so many times that of a save: 2 %
 BYTES_PER_SECOND = 1e8  # of saving, before a save has been timed
 MARGINS = (1, 2, 4, 8)  # that a trace can have got to
@@ -43,7 +43,7 @@ class Interrupted(Exception):  # noqa: N818  no error
     """A trace ended before its last ray, after its sums were saved; the message is one line."""
 
 
-class Keeper:
+class Checkpoints:
     """Where the traces of a command are kept, and when they end early.
 
     path: the file of the one trace, or with many=True a folder with a file for each, named after its facts. resume: go
@@ -63,9 +63,9 @@ class Keeper:
         self.path, self.resume, self.many, self.max_seconds = Path(path), resume, many, max_seconds
         self.warn, self.warned, self.stop, self.tracing, self.end_time = warn, False, False, False, math.inf
 
-    def file_of(self, facts: Facts) -> KeptTrace:
+    def file_of(self, facts: Fingerprint) -> Checkpoint:
         """The file of a trace, by all the facts that are known before its kernel is built."""
-        return KeptTrace(self, self.path / digest_of(facts) if self.many else self.path, facts)
+        return Checkpoint(self, self.path / digest_of(facts) if self.many else self.path, facts)
 
     def files(self) -> list[Path]:
         """What is there to go on from."""
@@ -82,16 +82,16 @@ class Keeper:
 
     def remove(self) -> None:
         """All files, once the results are written."""
-        for path in (self.path.glob("*") if self.many else (self.path, new_path(self.path))):
+        for path in self.path.glob("*") if self.many else (self.path, new_path(self.path)):
             path.unlink(missing_ok=True)
         if self.many and self.path.exists():
             self.path.rmdir()
 
 
-class KeptTrace:
+class Checkpoint:
     """The file of one trace. seconds: {"trace", "kernels"} that earlier processes spent on what is in it."""
 
-    def __init__(self, keeper: Keeper, path: Path, facts: Facts):
+    def __init__(self, keeper: Checkpoints, path: Path, facts: Fingerprint):
         self._keeper, self.path, self._facts = keeper, path, facts | {"byte_order": sys.byteorder}
         self.seconds = {"trace": 0.0, "kernels": 0.0}
         self.saves, self.save_seconds = 0, 0.0
@@ -105,44 +105,46 @@ class KeptTrace:
             margin = read_header(file, self.path)["facts"].get("margin")
         return margin if type(margin) is int and margin in MARGINS else 1
 
-    def begin(self, job: Facts, rays: np.ndarray, streams: int, per_item: int, sums: tuple[np.ndarray, ...]) -> Place:
+    def begin(
+        self, job: Fingerprint, rays: np.ndarray, sources: int, per_item: int, sums: tuple[np.ndarray, ...]
+    ) -> Cursor:
         """Read the file's sums into `sums`, each [replicates, ...] and zero; returns where the trace goes on.
 
         job: the facts that are known once the kernel is built. rays: [replicates] per stream. Where there is no file or
         none is wanted, the trace starts. Raises ValueError, one line, for a file that is damaged or of something else.
         """
-        keeper, self._facts, self._sums, place = self._keeper, self._facts | job, sums, Place()
-        self._rays, self._streams = rays, streams
+        keeper, self._facts, self._sums, cursor = self._keeper, self._facts | job, sums, Cursor()
+        self._rays, self._streams = rays, sources
         if self._found():
             with open(self.path, "rb") as file:
-                place = self._read(file, rays, streams, per_item)
+                cursor = self._read(file, rays, sources, per_item)
             self._in_file = True
         self._began = self._saved = time.monotonic()
         if keeper.end_time == math.inf:
             keeper.end_time = self._began + keeper.max_seconds
         keeper.tracing = True
-        return place
+        return cursor
 
-    def launched(self, place: Place, kernel_seconds: float, collect: Callable[[], None]) -> None:
+    def launched(self, cursor: Cursor, kernel_seconds: float, collect: Callable[[], None]) -> None:
         """After each launch but the last: save if it is time to. collect() brings begin's sums up to `place`.
 
         kernel_seconds: since `begin`. Raises Interrupted, after a save, if the trace is to end.
         """
         keeper, now, ends = self._keeper, time.monotonic(), self.ends
-        wait = max(LEAST_SECONDS, COST_SHARE * self._seconds_per_byte * nbytes_of(self._kept_of(place)))
+        wait = max(MIN_SECONDS, COST_SHARE * self._seconds_per_byte * nbytes_of(self._kept_of(cursor)))
         if not ends and now - self._saved < wait:
             return
         collect()
-        self._save(place, kernel_seconds, now)
+        self._save(cursor, kernel_seconds, now)
         if ends:
             keeper.tracing = False
-            raise Interrupted(f"{self._why()} after {self._share(place):.0%} of the rays")
+            raise Interrupted(f"{self._why()} after {self._share(cursor):.0%} of the rays")
 
-    def ended(self, place: Place, kernel_seconds: float) -> None:
+    def ended(self, cursor: Cursor, kernel_seconds: float) -> None:
         """After the last launch, the sums complete: they replace what was saved before."""
         self._keeper.tracing = False
         if self._in_file or self._keeper.stop:
-            self._save(place, kernel_seconds, time.monotonic())
+            self._save(cursor, kernel_seconds, time.monotonic())
         if self._keeper.stop:
             raise Interrupted(f"{self._why()} after all of the rays")
 
@@ -156,8 +158,8 @@ class KeptTrace:
         self.path.unlink(missing_ok=True)
         self._in_file, self.seconds = False, {"trace": 0.0, "kernels": 0.0}
 
-    def _share(self, place: Place) -> float:
-        return place.rays_before(self._rays, self._streams) / (int(self._rays.sum()) * self._streams)
+    def _share(self, cursor: Cursor) -> float:
+        return cursor.rays_before(self._rays, self._streams) / (int(self._rays.sum()) * self._streams)
 
     def _why(self) -> str:
         return "interrupted" if self._keeper.stop else f"--max-seconds {self._keeper.max_seconds:g}: stopped"
@@ -165,16 +167,16 @@ class KeptTrace:
     def _found(self) -> bool:
         return self._keeper.resume and self.path.exists()
 
-    def _kept_of(self, place: Place) -> list[np.ndarray]:
+    def _kept_of(self, cursor: Cursor) -> list[np.ndarray]:
         """The parts of the sums that are in a file: those of the replicates begun."""
-        return [array[: place.replicate + (place != Place(place.replicate))] for array in self._sums]
+        return [array[: cursor.replicate + (cursor != Cursor(cursor.replicate))] for array in self._sums]
 
-    def _save(self, place: Place, kernel_seconds: float, started: float) -> None:
+    def _save(self, cursor: Cursor, kernel_seconds: float, started: float) -> None:
         """Replace the file by the sums; where that fails the old one stays and the trace goes on."""
-        arrays, keeper = self._kept_of(place), self._keeper
+        arrays, keeper = self._kept_of(cursor), self._keeper
         seconds = {"trace": started - self._began + self.seconds["trace"],
                    "kernels": kernel_seconds + self.seconds["kernels"]}  # fmt: skip
-        header = {"facts": self._facts, "place": list(place), "seconds": seconds}
+        header = {"facts": self._facts, "place": list(cursor), "seconds": seconds}
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             write_checkpoint(self.path, json.dumps(header).encode(), arrays)
@@ -187,19 +189,19 @@ class KeptTrace:
         self._seconds_per_byte = (self._saved - started) / max(nbytes_of(arrays), 1)
         self.saves, self.save_seconds = self.saves + 1, self.save_seconds + self._saved - started
 
-    def _read(self, file: BinaryIO, rays: np.ndarray, streams: int, per_item: int) -> Place:
+    def _read(self, file: BinaryIO, rays: np.ndarray, sources: int, per_item: int) -> Cursor:
         header = read_header(file, self.path)
         different = differences(header["facts"], self._facts)
         if different:
             raise ValueError(f"{self.path}: of another run: {different}; must be the same, or the file be deleted")
         try:
-            place, (trace, kernels) = Place(*header["place"]), (header["seconds"][n] for n in ("trace", "kernels"))
-            place.check(rays, streams, per_item)
+            cursor, (trace, kernels) = Cursor(*header["place"]), (header["seconds"][n] for n in ("trace", "kernels"))
+            cursor.check(rays, sources, per_item)
             if not all(type(s) is float and 0 <= s < 1e12 for s in (trace, kernels)):
                 raise ValueError("seconds")
         except (TypeError, ValueError, KeyError):
             raise damaged(self.path) from None
-        arrays, start = self._kept_of(place), file.tell()
+        arrays, start = self._kept_of(cursor), file.tell()
         if os.fstat(file.fileno()).st_size != start + nbytes_of(arrays) + DIGEST_BYTES:
             raise damaged(self.path)
         file.seek(0)
@@ -211,4 +213,4 @@ class KeptTrace:
         if file.read(DIGEST_BYTES) != digest.digest():
             raise damaged(self.path)
         self.seconds = {"trace": trace, "kernels": kernels}
-        return place
+        return cursor

@@ -10,14 +10,14 @@ from typing import BinaryIO
 
 import numpy as np
 
-Facts = dict[str, str | int | float | bool]
+Fingerprint = dict[str, str | int | float | bool]
 FORMAT = b"irtscots-cl checkpoint 1 "
 MAX_HEADER_BYTES = 2**14
 DIGEST_BYTES = 32
 HASHED = ("scene", "code", "inputs", "paths")  # facts that are too long to be told
 
 
-def digest_of(facts: Facts) -> str:
+def digest_of(facts: Fingerprint) -> str:
     """A name for the facts: 32 hexadecimal digits."""
     return hash_of(json.dumps(facts, sort_keys=True).encode())
 
@@ -81,7 +81,7 @@ def damaged(path: Path) -> ValueError:
     return ValueError(f"{path}: damaged, or not a checkpoint of this version; must be deleted, to start anew")
 
 
-def differences(kept: dict, here: Facts) -> str:
+def differences(kept: dict, here: Fingerprint) -> str:
     """In words where two runs differ, "" where they do not; inputs follow from the rest and are named last."""
     names = [name for name in {**here, **kept} if kept.get(name) != here.get(name)]
     if len(names) > 1 and "inputs" in names:

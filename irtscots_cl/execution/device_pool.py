@@ -12,35 +12,35 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from irtscots_cl.execution.job import Job
-from irtscots_cl.execution.launch_plan import Pace
-from irtscots_cl.opencl.device import Device, DeviceError, describe_together, differing
+from irtscots_cl.execution.launch_plan import RateMeter
+from irtscots_cl.opencl.device import Device, DeviceError, describe_together, merge_descriptions
 
 SHARE = 0.5  # of what would be a device's due, taken at a time: what is left evens out what speeds did not tell
-LEAST_SECONDS = 0.02  # of a launch, however little is left
+MIN_SECONDS = 0.02  # of a launch, however little is left
 log = logging.getLogger(__name__)
 
 
-class together:  # noqa: N801  used as a function: `with together(devices, build) as (job, facts):`
+class open_pool:  # noqa: N801  used as a function: `with open_pool(devices, build) as (job, facts):`
     """One job of all the devices that can build it, and a function that gives the facts of those that take part.
 
     A device that cannot is left out, and the log says so; DeviceError if none can.
     """
 
     def __init__(self, devices: Sequence[Device], build: Callable[[Device], Job]):
-        self._crew: Crew | None = None
+        self._crew: DevicePool | None = None
         if len(devices) == 1:
             self._job, self._facts = build(devices[0]), devices[0].describe
             return
         members = []
         for device in devices:
             try:
-                members.append(Member(device, build(device)))
+                members.append(PooledDevice(device, build(device)))
             except DeviceError as error:
                 log.warning("left out: %s", error)
                 last = error
         if not members:
             raise last
-        self._job = self._crew = Crew(members)
+        self._job = self._crew = DevicePool(members)
         self._facts = self._crew.describe
 
     def __enter__(self) -> tuple[Job, Callable[[], dict[str, object]]]:
@@ -52,7 +52,7 @@ class together:  # noqa: N801  used as a function: `with together(devices, build
 
 
 @dataclass
-class Member:
+class PooledDevice:
     """A device of a crew with its job. done: replicate and part of the launches since its sums were last taken."""
 
     device: Device
@@ -60,7 +60,7 @@ class Member:
     done: list[tuple[int, tuple[int, int, int, int]]] = field(default_factory=list)
 
 
-class Crew:
+class DevicePool:
     """Jobs of the same work on several devices, as one runner.Job.
 
     Each launch is shared: a thread per device takes pieces of it, larger ones on faster devices, until all is done.
@@ -68,11 +68,11 @@ class Crew:
     what it launched since its sums were last taken is launched again on the others. DeviceError when all have failed.
     """
 
-    def __init__(self, members: Sequence[Member]):
+    def __init__(self, members: Sequence[PooledDevice]):
         self._members, first = list(members), members[0].job
-        self.streams, self.max_rays_per_item = first.streams, first.max_rays_per_item
+        self.sources, self.max_rays_per_item = first.sources, first.max_rays_per_item
         self.first_launch_rays = sum(member.job.first_launch_rays for member in members)
-        self.pace, self.facts = Pace(), differing([member.job.facts for member in members])
+        self.rate_meter, self.facts = RateMeter(), merge_descriptions([member.job.facts for member in members])
         self._taken: tuple[np.ndarray, ...] | None = None  # sums of what is no longer on the devices
         self._todo: list[tuple[int, tuple[int, int, int, int]]] = []
         self._lock, self._pool = threading.Lock(), ThreadPoolExecutor(len(members))
@@ -93,7 +93,7 @@ class Crew:
     def launch(self, replicate: int, part: tuple[int, int, int, int]) -> None:
         started = time.perf_counter()
         self._share((replicate, part))
-        self.pace.launched(part[1] * part[3], time.perf_counter() - started)
+        self.rate_meter.launched(part[1] * part[3], time.perf_counter() - started)
 
     def sums(self) -> tuple[np.ndarray, ...]:
         for member in list(self._members):
@@ -110,7 +110,7 @@ class Crew:
             return self.sums()
         return tuple(array.copy() for array in self._taken)
 
-    def _clear(self, member: Member) -> None:
+    def _clear(self, member: PooledDevice) -> None:
         try:
             member.job.clear()
         except DeviceError as error:
@@ -126,7 +126,7 @@ class Crew:
             self._todo.clear()  # so that the threads come to an end
             raise
 
-    def _work(self, member: Member) -> None:
+    def _work(self, member: PooledDevice) -> None:
         """Launch pieces on a device while there are any."""
         while (piece := self._take(member)) is not None:
             member.done.append(piece)
@@ -136,21 +136,21 @@ class Crew:
                 self._lose(member, error)
                 return
 
-    def _take(self, member: Member) -> tuple[int, tuple[int, int, int, int]] | None:
+    def _take(self, member: PooledDevice) -> tuple[int, tuple[int, int, int, int]] | None:
         """The next piece of what is to be done, of a size for this device."""
         with self._lock:
             if not self._todo:
                 return None
-            replicate, (stream, streams, ray, rays) = self._todo.pop()
-            speeds = [m.job.pace.rays_per_second for m in self._members]
-            own = member.job.pace.rays_per_second
+            replicate, (source, sources, ray, rays) = self._todo.pop()
+            speeds = [m.job.rate_meter.rays_per_second for m in self._members]
+            own = member.job.rate_meter.rays_per_second
             due = own / sum(speeds) if all(speeds) else 1 / len(speeds)
-            count = max(1, int(streams * due * SHARE), int(own * LEAST_SECONDS / rays))
-            if count < streams:
-                self._todo.append((replicate, (stream + count, streams - count, ray, rays)))
-            return replicate, (stream, min(count, streams), ray, rays)
+            count = max(1, int(sources * due * SHARE), int(own * MIN_SECONDS / rays))
+            if count < sources:
+                self._todo.append((replicate, (source + count, sources - count, ray, rays)))
+            return replicate, (source, min(count, sources), ray, rays)
 
-    def _lose(self, member: Member, error: DeviceError) -> None:
+    def _lose(self, member: PooledDevice, error: DeviceError) -> None:
         with self._lock:
             self._members.remove(member)
             if not self._members:

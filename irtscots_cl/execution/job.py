@@ -8,9 +8,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from irtscots_cl.execution.checkpoint import KeptTrace
-from irtscots_cl.execution.checkpoint_file import Facts
-from irtscots_cl.execution.launch_plan import Pace
+from irtscots_cl.execution.checkpoint import Checkpoint
+from irtscots_cl.execution.checkpoint_file import Fingerprint
+from irtscots_cl.execution.launch_plan import RateMeter
 from irtscots_cl.opencl.device import Device
 
 
@@ -21,7 +21,7 @@ class Work(Protocol):
     all of it as text, for another process.
     """
 
-    streams: int
+    sources: int
     max_rays_per_item: int
     first_launch_rays: int
     sums_shapes: tuple[tuple[int, ...], ...]
@@ -29,14 +29,14 @@ class Work(Protocol):
     def build(self, device: Device) -> Job:
         """Its job on a device; raises DeviceError if the device cannot build or hold it."""
 
-    def wire(self) -> str: ...
+    def to_json(self) -> str: ...
 
     @classmethod
-    def from_wire(cls, text: str) -> Work: ...
+    def from_json(cls, text: str) -> Work: ...
 
 
 @dataclass(frozen=True)
-class Ran:
+class TraceSums:
     """Rays that have run. sums: as of runner.run_rays. device: facts of where, as device.describe_together.
 
     seconds: build, trace, kernels (of many devices, the mean over them).
@@ -47,7 +47,7 @@ class Ran:
     seconds: dict[str, float]
 
 
-class Site(Protocol):
+class Executor(Protocol):
     """Where rays can run."""
 
     def run(
@@ -56,15 +56,15 @@ class Site(Protocol):
         rays: np.ndarray,
         progress: Callable[[int, int], None] | None = None,
         launch_rays: int | None = None,
-        kept: KeptTrace | None = None,
+        kept: Checkpoint | None = None,
         finished: Callable[[tuple[np.ndarray, ...]], None] | None = None,
-    ) -> Ran:
+    ) -> TraceSums:
         """As runner.run_rays, of the work's job."""
 
     def describe(self) -> dict[str, object]:
         """Facts of all its devices, as device.describe_together."""
 
-    def about(self) -> dict[str, str]:
+    def device_identity(self) -> dict[str, str]:
         """{"device", "driver"}: the names of the different ones."""
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
@@ -78,11 +78,11 @@ class Job(Protocol):
     pace: of the launches so far. facts: what the sums depend on, but for scene, options, rays and device.
     """
 
-    streams: int
+    sources: int
     max_rays_per_item: int
     first_launch_rays: int
-    pace: Pace
-    facts: Facts
+    rate_meter: RateMeter
+    facts: Fingerprint
 
     def clear(self) -> None:
         """Set the sums to zero."""

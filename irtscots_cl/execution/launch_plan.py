@@ -24,7 +24,7 @@ def share_rays(rays_per_pixel: int, replicates: int) -> np.ndarray:
     return rays
 
 
-class Place(NamedTuple):
+class Cursor(NamedTuple):
     """Where a trace goes on: all before, in the order of plan_launches, is traced.
 
     first_ray: of a block of rays of all streams. block_rays: of each stream in it; 0 where first_stream is 0.
@@ -33,68 +33,68 @@ class Place(NamedTuple):
     replicate: int = 0
     first_ray: int = 0
     block_rays: int = 0
-    first_stream: int = 0
+    first_source: int = 0
 
-    def after(self, part: tuple[int, int, int, int], streams: int, rays: int) -> Place:
+    def after(self, part: tuple[int, int, int, int], sources: int, rays: int) -> Cursor:
         """The place after a part of this place's replicate, which has so many rays per stream."""
-        first_stream, count, first_ray, block_rays = part
-        if first_stream + count < streams:
-            return Place(self.replicate, first_ray, block_rays, first_stream + count)
+        first_source, count, first_ray, block_rays = part
+        if first_source + count < sources:
+            return Cursor(self.replicate, first_ray, block_rays, first_source + count)
         if first_ray + block_rays < rays:
-            return Place(self.replicate, first_ray + block_rays)
-        return Place(self.replicate + 1)
+            return Cursor(self.replicate, first_ray + block_rays)
+        return Cursor(self.replicate + 1)
 
-    def rays_before(self, rays: np.ndarray, streams: int) -> int:
+    def rays_before(self, rays: np.ndarray, sources: int) -> int:
         """Of all streams; rays: [replicates] per stream."""
         whole = int(rays[: self.replicate].sum()) + self.first_ray
-        return whole * streams + self.first_stream * self.block_rays
+        return whole * sources + self.first_source * self.block_rays
 
-    def check(self, rays: np.ndarray, streams: int, per_item: int) -> None:
+    def check(self, rays: np.ndarray, sources: int, per_item: int) -> None:
         """ValueError if no trace of rays [replicates] per stream comes by here."""
         if not all(type(n) is int for n in self) or not 0 <= self.replicate <= len(rays):
             raise ValueError("place")
         left = (int(rays[self.replicate]) if self.replicate < len(rays) else 1) - self.first_ray
         block = 0 < self.block_rays <= left and (self.block_rays % per_item == 0 or self.block_rays == left)
-        in_block = block if self.first_stream else self.block_rays == 0
+        in_block = block if self.first_source else self.block_rays == 0
         fits = self.first_ray >= 0 and left > 0 and self.first_ray % per_item == 0 and in_block
-        at_end = self.replicate < len(rays) or self == Place(len(rays))
-        if not (fits and at_end and 0 <= self.first_stream < streams):
+        at_end = self.replicate < len(rays) or self == Cursor(len(rays))
+        if not (fits and at_end and 0 <= self.first_source < sources):
             raise ValueError("place")
 
 
 def plan_launches(
-    streams: int,
+    sources: int,
     rays: int,
     launch_rays: Callable[[], int],
     per_item: int = MAX_RAYS_PER_ITEM,
-    start: Place = Place(),  # noqa: B008  a tuple
+    start: Cursor = Cursor(),  # noqa: B008  a tuple
 ) -> Iterator[tuple[int, int, int, int]]:
     """Cut streams x rays into launches of about launch_rays() rays: (first stream, streams, first ray, rays).
 
     Every launch begins at a multiple of per_item, the rays of a work-item: whole blocks. start: in this replicate.
     """
-    _, first_ray, per_stream, first_stream = start
+    _, first_ray, per_source, first_source = start
     while first_ray < rays:
-        if not first_stream:
-            items = max(1, launch_rays() // streams // per_item)
-            per_stream = min(rays - first_ray, items * per_item)
-        while first_stream < streams:
-            count = min(streams - first_stream, max(1, launch_rays() // per_stream))
-            yield first_stream, count, first_ray, per_stream
-            first_stream += count
-        first_stream, first_ray = 0, first_ray + per_stream
+        if not first_source:
+            items = max(1, launch_rays() // sources // per_item)
+            per_source = min(rays - first_ray, items * per_item)
+        while first_source < sources:
+            count = min(sources - first_source, max(1, launch_rays() // per_source))
+            yield first_source, count, first_ray, per_source
+            first_source += count
+        first_source, first_ray = 0, first_ray + per_source
 
 
 def cut_part(
     part: tuple[int, int, int, int], launch_rays: Callable[[], int], per_item: int
 ) -> Iterator[tuple[int, int, int, int]]:
     """Cut a part, as plan_launches gives it, into launches of about launch_rays() rays."""
-    first_stream, streams, first_ray, rays = part
-    for stream, count, ray, of_stream in plan_launches(streams, rays, launch_rays, per_item):
-        yield first_stream + stream, count, first_ray + ray, of_stream
+    first_source, sources, first_ray, rays = part
+    for source, count, ray, per_source in plan_launches(sources, rays, launch_rays, per_item):
+        yield first_source + source, count, first_ray + ray, per_source
 
 
-class Pace:
+class RateMeter:
     """Rays per second of the launches so far, and the seconds spent in kernels."""
 
     def __init__(self):

@@ -8,32 +8,32 @@ from typing import Any
 
 import numpy as np
 
-from irtscots_cl.execution.device_pool import together
-from irtscots_cl.execution.job import Ran, Work
+from irtscots_cl.execution.device_pool import open_pool
+from irtscots_cl.execution.job import TraceSums, Work
 from irtscots_cl.execution.run_loop import run_rays
-from irtscots_cl.opencl.device import Device, describe_together, differing
+from irtscots_cl.opencl.device import Device, describe_together, merge_descriptions
 
 
-class Devices:
+class LocalExecutor:
     """The devices of this machine that a user chose, as a Site."""
 
     def __init__(self, devices: Sequence[Device]):
         self._devices = tuple(devices)
 
-    def run(self, work: Work, rays: np.ndarray, progress=None, launch_rays=None, kept=None, finished=None) -> Ran:
+    def run(self, work: Work, rays: np.ndarray, progress=None, launch_rays=None, kept=None, finished=None) -> TraceSums:
         started = time.perf_counter()
-        with together(self._devices, work.build) as (job, facts):
+        with open_pool(self._devices, work.build) as (job, facts):
             built = time.perf_counter()
             sums = run_rays(job, rays, progress, launch_rays, kept, finished)
             traced = time.perf_counter()
-            seconds = {"build": built - started, "trace": traced - built, "kernels": job.pace.kernel_seconds}
-            return Ran(sums, facts(), seconds)
+            seconds = {"build": built - started, "trace": traced - built, "kernels": job.rate_meter.kernel_seconds}
+            return TraceSums(sums, facts(), seconds)
 
     def describe(self) -> dict[str, object]:
         return describe_together([device.describe() for device in self._devices])
 
-    def about(self) -> dict[str, str]:
-        return differing([{"device": device.name, "driver": device.driver} for device in self._devices])
+    def device_identity(self) -> dict[str, str]:
+        return merge_descriptions([{"device": device.name, "driver": device.driver} for device in self._devices])
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
         return function(self._devices[0], *arguments)

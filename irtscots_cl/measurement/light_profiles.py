@@ -11,21 +11,21 @@ import numpy as np
 
 from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.measurement.light_curves import effective_screen_pixels
-from irtscots_cl.optics.pixel.response import PixelLight
+from irtscots_cl.optics.pixel.response import PixelResponse
 
 ROUNDS = 4  # of moving the profile: each leaves a few percent of the error before
 CONVERGED = 1e-6  # mm: 1e-4 urad in the paper's test
 
 
 def sampling_error(
-    positions_mm: np.ndarray, light: PixelLight, output: str, centre_mm: np.ndarray, threshold: float = 0.0
+    positions_mm: np.ndarray, light: PixelResponse, output: str, centre_mm: np.ndarray, threshold: float = 0.0
 ) -> np.ndarray:
     """Centroid of noise-free light curves less that of the light itself: [n] mm, NaN where the model does not hold.
 
     The light of the n pixels of `light` along "u" or "v" is moved to have its centroids at centre_mm [n] and sampled by
     lines at positions_mm [lines], and beyond them as far as it reaches. threshold: see effective_screen_pixels.
     """
-    pitch = np.diff(positions_mm).mean() if len(positions_mm) > 1 else light.calibration.scene.screen.pitch_mm
+    pitch = np.diff(positions_mm).mean() if len(positions_mm) > 1 else light.chief.scene.screen.pitch_mm
     moved = np.where(light.valid(), centre_mm - light.means(output)[0], np.nan)
     reach = light.extent(output)[1][np.isfinite(moved)]
     if reach.size == 0:
@@ -40,7 +40,7 @@ def sampling_error(
         return (flux * (lines - centre_mm[:, None])).sum(1) / flux.sum(1)
 
 
-def profile_centroids(scan: Scan, light: PixelLight, centroid_mm: np.ndarray, threshold: float = 0.0) -> np.ndarray:
+def profile_centroids(scan: Scan, light: PixelResponse, centroid_mm: np.ndarray, threshold: float = 0.0) -> np.ndarray:
     """Centroids [n] in mm of the light, from those [n] of its light curves, for light of the modelled profile.
 
     light: of the design's pixels; a pixel that it has no model of keeps its centroid.
@@ -58,7 +58,7 @@ def profile_centroids(scan: Scan, light: PixelLight, centroid_mm: np.ndarray, th
     return result
 
 
-def sampled_centroids(scan: Scan, light: PixelLight, threshold: float = 0.0) -> np.ndarray:
+def sampled_centroids(scan: Scan, light: PixelResponse, threshold: float = 0.0) -> np.ndarray:
     """Centroids [n] in mm of the light curves that the modelled light gives on the scan's lines; NaN where no model."""
     known, index, output = _common(scan, light)
     centre = light.means(output)[0]
@@ -67,7 +67,7 @@ def sampled_centroids(scan: Scan, light: PixelLight, threshold: float = 0.0) -> 
     return result
 
 
-def _common(scan: Scan, light: PixelLight) -> tuple[np.ndarray, np.ndarray, str]:
+def _common(scan: Scan, light: PixelResponse) -> tuple[np.ndarray, np.ndarray, str]:
     """Where the pixels that both have are in scan.pixels and in light.pixels; the light's coordinate along the scan."""
     _, known, index = np.intersect1d(scan.pixels, light.pixels, assume_unique=True, return_indices=True)
     return known, index, "uv"["xy".index(scan.axis)]

@@ -19,8 +19,8 @@ from irtscots_cl.measurement.centroids import poisson_error
 from irtscots_cl.measurement.light_profiles import sampling_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.slopes import half_vector_slopes
-from irtscots_cl.optics.chief_rays import Calibration, calibrate
-from irtscots_cl.optics.pixel.response import pixel_light
+from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
+from irtscots_cl.optics.pixel.response import pixel_response
 
 NOISE_DRAWS = 32  # maps of random slopes behind the predicted height noise: its own error is a few percent
 
@@ -52,8 +52,8 @@ def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
     Ray noise is that of counting the rays behind each curve where they are independent; for other samplers and for lab
     images it is the scatter of the replicates. Where there is neither, the prediction is NaN.
     """
-    calibration = calibrate(result.nominal)
-    scale = _slope_per_mm(calibration, result)
+    chief = chief_rays(result.nominal)
+    scale = _slope_per_mm(chief, result)
     mask, noise, bias = result.mask, [], []
     for k, scan in enumerate((stack.x, stack.y)):
         on_grid = np.full(mask.size, np.nan)
@@ -79,7 +79,7 @@ def _line_sampling(result: Reconstruction, scan: Scan) -> np.ndarray:
     left = np.where(result.mask, 0.0, np.nan)
     if result.light_curve != "centroid" or result.updates_nm:
         return left
-    light, axis = pixel_light(result.nominal), "xy".index(scan.axis)
+    light, axis = pixel_response(result.nominal), "xy".index(scan.axis)
     centroid = (result.centroid_x_mm, result.centroid_y_mm)[axis].ravel()[light.pixels]
     left.ravel()[light.pixels] += np.nan_to_num(sampling_error(scan.positions_mm, light, "uv"[axis], centroid))
     return left
@@ -94,10 +94,10 @@ def _heights(result: Reconstruction, slope_x: np.ndarray, slope_y: np.ndarray) -
     ]
 
 
-def _slope_per_mm(calibration: Calibration, result: Reconstruction, step_mm: float = 1e-3) -> list[np.ndarray]:
+def _slope_per_mm(chief: ChiefRays, result: Reconstruction, step_mm: float = 1e-3) -> list[np.ndarray]:
     """|d slope / d centroid| [rad/mm] of every pixel, along x and y."""
     points = np.stack([result.x_mm, result.y_mm, result.height_mm], -1)
-    camera, to_world = calibration.camera_frame.position_mm, calibration.screen_frame.to_world
+    camera, to_world = chief.camera_frame.position_mm, chief.screen_frame.to_world
     centre = half_vector_slopes(points, to_world(result.centroid_x_mm, result.centroid_y_mm), camera)
     x = half_vector_slopes(points, to_world(result.centroid_x_mm + step_mm, result.centroid_y_mm), camera)
     y = half_vector_slopes(points, to_world(result.centroid_x_mm, result.centroid_y_mm + step_mm), camera)

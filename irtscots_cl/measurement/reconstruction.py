@@ -13,9 +13,9 @@ from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_curves import Flag, flag_curves
 from irtscots_cl.measurement.light_profiles import profile_centroids
-from irtscots_cl.measurement.slopes import half_vector_slopes, without_pixel_average
-from irtscots_cl.optics.chief_rays import Calibration, calibrate
-from irtscots_cl.optics.pixel.response import pixel_light
+from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
+from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
+from irtscots_cl.optics.pixel.response import pixel_response
 from irtscots_cl.scene.model import Scene
 
 MIN_PIXELS = 4  # to tell piston, tilt and power apart
@@ -96,21 +96,21 @@ def reconstruct(
     """
     if light_curve not in LIGHT_CURVES:
         raise ValueError(f"light_curve = {light_curve!r}: must be one of {', '.join(LIGHT_CURVES)}")
-    calibration = calibrate(nominal)
-    _check_fits(stack, calibration)
-    centroid_x, flag_x = _measured(calibration, stack.x, light_curve, threshold)
-    centroid_y, flag_y = _measured(calibration, stack.y, light_curve, threshold)
+    chief = chief_rays(nominal)
+    _check_fits(stack, chief)
+    centroid_x, flag_x = _measured(chief, stack.x, light_curve, threshold)
+    centroid_y, flag_y = _measured(chief, stack.y, light_curve, threshold)
     flags = np.maximum(flag_x, flag_y)
-    on_mirror = calibration.footprint.coverage >= min_coverage
+    on_mirror = chief.footprint.coverage >= min_coverage
     # where all light is in one replicate, leaving that one out leaves none
     flags[(flags == Flag.GOOD) & ~np.isfinite(centroid_x + centroid_y).all(0)] = Flag.EMPTY
     mask = on_mirror & (flags == Flag.GOOD)
     _check_enough(nominal.name, on_mirror, mask, flags)
-    x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(calibration))
+    x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(chief))
     slope_x, slope_y, deviation = _surface(
-        calibration, (x_mm, y_mm), (u_mm, v_mm), mask, (centroid_x, centroid_y), method, pixel_average
+        chief, (x_mm, y_mm), (u_mm, v_mm), mask, (centroid_x, centroid_y), method, pixel_average
     )
-    design = calibration.surface.sag(x_mm, y_mm)
+    design = chief.surface.sag(x_mm, y_mm)
     return Reconstruction(
         nominal,
         light_curve,
@@ -133,13 +133,13 @@ def reconstruct(
     )
 
 
-def _check_fits(stack: ImageStack, calibration: Calibration) -> None:
+def _check_fits(stack: ImageStack, chief: ChiefRays) -> None:
     """Refuse images that are not of the scene's detector and screen, with a ValueError."""
-    nominal = calibration.scene
-    if stack.x.shape != calibration.shape or stack.y.shape != calibration.shape:
+    nominal = chief.scene
+    if stack.x.shape != chief.shape or stack.y.shape != chief.shape:
         raise ValueError(
             f"scene {nominal.name}: images of {stack.x.shape} and {stack.y.shape} (rows, columns) do not fit; "
-            f"must be of the scene's detector, {calibration.shape}"
+            f"must be of the scene's detector, {chief.shape}"
         )
     for scan, lines in zip((stack.x, stack.y), nominal.screen.pixels, strict=True):
         if len(scan.positions_mm) != lines:
@@ -159,28 +159,28 @@ def _check_enough(name: str, on_mirror: np.ndarray, mask: np.ndarray, flags: np.
 
 
 def _measured(
-    calibration: Calibration, scan: Scan, light_curve: str, threshold: float
+    chief: ChiefRays, scan: Scan, light_curve: str, threshold: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Centroids [1 + replicates left out, rows, columns] in mm, NaN where there are none, and flags [rows, columns]."""
     curves = scan.jackknife_w()
     on_grid = np.full((len(curves), scan.shape[0] * scan.shape[1]), np.nan)
     found = centroids(scan, curves, threshold)
     if light_curve == "chord":  # one shift for all replicates: it varies by percents only
-        found = found + (profile_centroids(scan, pixel_light(calibration.scene), found[0], threshold) - found[0])
+        found = found + (profile_centroids(scan, pixel_response(chief.scene), found[0], threshold) - found[0])
     on_grid[:, scan.pixels] = found
-    half_width, box_row, box_column = calibration.light_shape("xy".index(scan.axis))
+    half_width, box_row, box_column = chief.light_shape("xy".index(scan.axis))
     reach = (half_width + (box_row + box_column) / 2).ravel()[scan.pixels]
     flags = np.full(on_grid.shape[1], Flag.EMPTY)
     flags[scan.pixels] = flag_curves(scan, curves[0], on_grid[0, scan.pixels], reach)
     return on_grid.reshape(-1, *scan.shape), flags.reshape(scan.shape)
 
 
-def design_points(calibration: Calibration) -> list[np.ndarray]:
+def design_points(chief: ChiefRays) -> list[np.ndarray]:
     """Mirror point x, y and screen point u, v [rows, columns] in mm of each pixel's light, were the mirror the design.
 
     From the closed form of the light, or, for pixels that it does not hold for, the mean of their chief rays.
     """
-    light, footprint = pixel_light(calibration.scene), calibration.footprint
+    light, footprint = pixel_response(chief.scene), chief.footprint
     points = [v.copy() for v in (footprint.x_mm, footprint.y_mm, footprint.u_mm, footprint.v_mm)]
     means = light.means("xyuv")
     use = light.valid() & np.isfinite(means).all(0)
@@ -189,14 +189,14 @@ def design_points(calibration: Calibration) -> list[np.ndarray]:
     return points
 
 
-def triangulated(calibration: Calibration, x_mm, y_mm, z_mm, u_mm, v_mm) -> tuple[np.ndarray, np.ndarray]:
+def triangulated(chief: ChiefRays, x_mm, y_mm, z_mm, u_mm, v_mm) -> tuple[np.ndarray, np.ndarray]:
     """Slopes [..., rows, columns] of the mirror at (x, y, z) that send the camera's chief rays to (u, v)."""
     points = np.stack(np.broadcast_arrays(x_mm, y_mm, z_mm), -1)
-    screen = calibration.screen_frame.to_world(u_mm, v_mm)
-    return half_vector_slopes(points, screen, calibration.camera_frame.position_mm)
+    screen = chief.screen_frame.to_world(u_mm, v_mm)
+    return half_vector_slopes(points, screen, chief.camera_frame.position_mm)
 
 
-def _surface(calibration: Calibration, mirror, landing, mask, centroid, method: str, pixel_average: bool):
+def _surface(chief: ChiefRays, mirror, landing, mask, centroid, method: str, pixel_average: bool):
     """Slopes and deviation [1 + replicates, rows, columns] from centroids (u, v) of the same shape.
 
     mirror: (x, y), landing: (u, v) [rows, columns] of the design. Only the difference from the slopes that the same
@@ -204,15 +204,15 @@ def _surface(calibration: Calibration, mirror, landing, mask, centroid, method: 
     of power on the paper's sphere) nor the landing point's curvature over a footprint (41 nm of tilt on the off-axis
     preset) enters. Eq. 3 contains the height itself, so the height found is fed back.
     """
-    surface = calibration.surface
+    surface = chief.surface
     design = surface.sag(*mirror)
-    design_slopes = triangulated(calibration, *mirror, design, *landing)
+    design_slopes = triangulated(chief, *mirror, design, *landing)
     deviation = np.zeros(centroid[0].shape)
     for _ in range(HEIGHT_ROUNDS):
-        slopes = triangulated(calibration, *mirror, design + deviation, *centroid)
+        slopes = triangulated(chief, *mirror, design + deviation, *centroid)
         extra = [slope - own for slope, own in zip(slopes, design_slopes, strict=True)]
         if not pixel_average:
-            extra = [without_pixel_average(slope, mask) for slope in extra]
+            extra = [deconvolve_pixel(slope, mask) for slope in extra]
         deviation = integrate_slopes(*mirror, *extra, mask, method)
     true_x, true_y = surface.gradient(*mirror)
     return true_x + extra[0], true_y + extra[1], deviation

@@ -21,9 +21,9 @@ from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_profiles import sampled_centroids
 from irtscots_cl.measurement.reconstruction import Reconstruction, triangulated
-from irtscots_cl.measurement.slopes import without_pixel_average
-from irtscots_cl.optics.chief_rays import Calibration, calibrate
-from irtscots_cl.optics.pixel.response import PixelLight
+from irtscots_cl.measurement.slopes import deconvolve_pixel
+from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
+from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 
@@ -77,9 +77,9 @@ def modelled(result: Reconstruction, fit: np.ndarray) -> Scene:
 def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray) -> Reconstruction:
     """One round: the model's light curves, and the surface that explains the measured ones."""
     scene, mask = modelled(result, fit), result.mask
-    calibration = Calibration(scene)
+    chief = ChiefRays(scene)
     pixels = np.flatnonzero(mask)
-    light = PixelLight.of(calibration, pixels)
+    light = PixelResponse.of(chief, pixels)
     means = light.means("uv")
     model = [np.full(mask.shape, np.nan) for _ in "uv"]
     residual = []
@@ -89,25 +89,25 @@ def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray) -> Recons
         curves = scan.jackknife_w()
         differ[:, scan.pixels] = centroids(scan, curves) - sampled_centroids(scan, light)
         residual.append(differ.reshape(-1, *mask.shape))
-    surface = calibration.surface
+    surface = chief.surface
     height = surface.sag(result.x_mm, result.y_mm)
-    model_slopes = triangulated(calibration, result.x_mm, result.y_mm, height, *model)
+    model_slopes = triangulated(chief, result.x_mm, result.y_mm, height, *model)
     moved = triangulated(
-        calibration, result.x_mm, result.y_mm, height, *(m + r for m, r in zip(model, residual, strict=True))
+        chief, result.x_mm, result.y_mm, height, *(m + r for m, r in zip(model, residual, strict=True))
     )
     own = surface.gradient(result.x_mm, result.y_mm)
     extra = []
     for axis, there, model_slope, gradient in zip("xy", moved, model_slopes, own, strict=True):
         differ = there - model_slope
         if not result.pixel_average:
-            differ = without_pixel_average(differ, mask)
+            differ = deconvolve_pixel(differ, mask)
         kept = result.estimates(f"slope_{axis}") - gradient  # where the model has no light
         extra.append(np.where(np.isfinite(differ), differ, kept))
     differ = integrate_slopes(result.x_mm, result.y_mm, *extra, mask, result.method)
     deviation = surface.deviation_at(result.x_mm, result.y_mm)[0] + differ
     deviation = deviation - np.nanmean(deviation, axis=(1, 2), keepdims=True)
     slopes = [gradient + e for gradient, e in zip(own, extra, strict=True)]
-    design = calibrate(result.nominal).surface.sag(result.x_mm, result.y_mm)
+    design = chief_rays(result.nominal).surface.sag(result.x_mm, result.y_mm)
     return dataclasses.replace(
         result,
         slope_x=slopes[0][0],

@@ -19,7 +19,7 @@ def half_vector_slopes(mirror_mm: np.ndarray, screen_mm: np.ndarray, camera_mm: 
     return -half[..., 0] / half[..., 2], -half[..., 1] / half[..., 2]
 
 
-def without_pixel_average(slope: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def deconvolve_pixel(slope: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Slopes at the pixels' centres from their means over the pixels: [..., rows, columns], mask [rows, columns].
 
     The mean of a smooth function over a pixel is its value at the centre plus 1/24 of its second differences along rows

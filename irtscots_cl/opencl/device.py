@@ -170,13 +170,13 @@ def describe_together(facts: list[dict[str, object]]) -> dict[str, object]:
     """
     if len(facts) == 1:
         return facts[0]
-    together: dict[str, object] = {}
+    merged: dict[str, object] = {}
     for key in ("index", "name", "platform", "driver", "kind"):
         counted = Counter(str(of_one[key]) for of_one in facts)
         times = {text: f"{n} x " if key == "name" and n > 1 else "" for text, n in counted.items()}
-        together[key] = " + ".join(times[text] + text for text in counted)
-    together["compute_units"] = sum(int(of_one["compute_units"]) for of_one in facts)
-    return together | {"devices": facts}
+        merged[key] = " + ".join(times[text] + text for text in counted)
+    merged["compute_units"] = sum(int(of_one["compute_units"]) for of_one in facts)
+    return merged | {"devices": facts}
 
 
 def _is_usable(device: Device) -> bool:
@@ -198,7 +198,7 @@ def _matches(device: Device, choice: str) -> bool:
     return wanted in device.name.lower() or wanted in platform
 
 
-def differing(several: list[dict]) -> dict:
+def merge_descriptions(several: list[dict]) -> dict:
     """Of many, each key with the one value that all have, or all the different values as text."""
     values = {key: sorted({str(each[key]) for each in several}) for key in several[0]}
     return {key: several[0][key] if len(found) == 1 else " + ".join(found) for key, found in values.items()}

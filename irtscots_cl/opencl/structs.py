@@ -32,7 +32,7 @@ LAUNCH = np.dtype(
         ("first_ray", np.uint64),
         ("ray_count", np.uint64),
         ("rays_per_item", np.uint64),  # of each stream
-        ("first_stream", np.uint32),
+        ("first_source", np.uint32),
         ("replicate", np.uint32),
         ("seed_low", np.uint32),
         ("seed_high", np.uint32),
@@ -165,12 +165,12 @@ def element_dtype(real, groups: int) -> np.dtype:
     axis_*: its axes in the world; offset: from each group's origin to it, in its frame, and the sum of its magnitudes;
     origin: it from its own group's origin, in the world [mm]. q_*: geometry.Quadric. outer2, inner2: squares of the
     aperture's radii; half_u, half_v: of its width and height. reflectance: below 0 stands for Fresnel's. least_chance:
-    of either branch at a refractor, least_weight: of the weaker one where both are followed.
+    of either branch at a refractor, min_weight: of the weaker one where both are followed.
     """
     fields = [(name, real, 3) for name in ("axis_x", "axis_y", "axis_z", "origin")]
     fields += [("offset", real, (groups, 4))]
     names = ("q_xx", "q_yy", "q_zz", "q_xz", "outer2", "inner2", "half_u", "half_v", "reflectance", "index_front",
-             "index_back", "coating_index", "least_chance", "least_weight", "inverse_focal_length",
+             "index_back", "coating_index", "least_chance", "min_weight", "inverse_focal_length",
              "transmittance")  # fmt: skip
     fields += [(name, real) for name in names] + [("group", np.int32)]
     return np.dtype(fields, align=True)
@@ -189,7 +189,7 @@ def scatter_structs(real, groups: int, elements: int, targets: int) -> dict[str,
     """
     target = np.dtype([("centre", real, (groups, 3)), ("axis_x", real, 3), ("axis_y", real, 3), ("axis_z", real, 3),
                        ("radius", real)], align=True)  # fmt: skip
-    names = ("chance", "share", "inverse_l2", "power", "centre")
+    names = ("probability", "share", "inverse_l2", "power", "centre")
     fields = [("numbers", real, 3), *((name, real) for name in names), ("tis", real, TIS_NODES)]
     lobe = np.dtype([*fields, ("target_count", np.int32), ("target", np.int32, max(targets, 1))], align=True)
     whole = [("targets", target, max(targets, 1)), ("lobes", lobe, max(elements, 1))]

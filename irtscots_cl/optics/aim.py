@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from irtscots_cl.maths.frame import Frame
-from irtscots_cl.optics.chief_rays import RIM, Calibration, calibrate
+from irtscots_cl.optics.chief_rays import RIM, ChiefRays, chief_rays
 from irtscots_cl.scene.model import Scene
 
 RIM_POINTS = 32  # of the mirror, to fit its ellipse
@@ -46,15 +46,15 @@ class Aim:
 
     def holds(self, pixel: np.ndarray, cosines: np.ndarray) -> np.ndarray:
         """Whether directions [k, 2] of the screen pixels [k] lie within their ellipses [k]."""
-        return _reach(self.root, self.centre, pixel, cosines) <= 1.0
+        return _radius_in_ellipse(self.root, self.centre, pixel, cosines) <= 1.0
 
 
 @lru_cache(maxsize=4)
 def mirror_aim(scene: Scene) -> Aim:
     """The least ellipses that cover the mirror from every point of the screen pixel."""
-    calibration = calibrate(scene)
-    frame, surface, pitch = calibration.screen_frame, calibration.surface, scene.screen.pitch_mm
-    x, y = pixel_centres(calibration)
+    chief = chief_rays(scene)
+    frame, surface, pitch = chief.screen_frame, chief.surface, scene.screen.pitch_mm
+    x, y = pixel_centres(chief)
     angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
     rim_x, rim_y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
     rim = np.stack([rim_x, rim_y, surface.sag(rim_x, rim_y)], -1)
@@ -82,23 +82,23 @@ def camera_aim(scene: Scene) -> Aim:
     They hold what the chief rays say, and are checked with rays from all over the aperture. Where the camera sees
     nearly all of the mirror lit by some screen pixel, this is the mirror's aim.
     """
-    calibration, whole = calibrate(scene), mirror_aim(scene)
+    chief, whole = chief_rays(scene), mirror_aim(scene)
     slack = SLACK
     while slack <= MAX_SLACK:
-        aim = _around_footprints(calibration, whole, slack)
+        aim = _around_footprints(chief, whole, slack)
         if aim.share >= 1.0:
             return whole
-        if aim.holds(*_directions_from_camera(calibration)).all():
+        if aim.holds(*_directions_from_camera(chief)).all():
             return aim
         slack *= 2
     return whole
 
 
-def _around_footprints(calibration: Calibration, whole: Aim, slack: float) -> Aim:
+def _around_footprints(chief: ChiefRays, whole: Aim, slack: float) -> Aim:
     """Ellipses around the footprints of the detector pixels that a screen pixel lights, of equal shares of `whole`."""
     count = len(whole.centre)
     sums = np.zeros((6, count))
-    for screen, cosines in _footprint_directions(calibration, whole, slack):
+    for screen, cosines in _footprint_directions(chief, whole, slack):
         l, m = cosines.T
         for k, value in enumerate((np.ones_like(l), l, m, l * l, l * m, m * m)):
             sums[k] += np.bincount(screen, value, count)
@@ -109,29 +109,29 @@ def _around_footprints(calibration: Calibration, whole: Aim, slack: float) -> Ai
     centre, root = np.zeros_like(whole.centre), whole.root.copy()
     centre[lit], root[lit] = mean, np.linalg.cholesky(covariance)
     reach = np.zeros(count)
-    for screen, cosines in _footprint_directions(calibration, whole, slack):
-        np.maximum.at(reach, screen, _reach(root, centre, screen, cosines))
-    root[lit] = _widened(root[lit] * reach[lit, None, None], _blur(calibration))
+    for screen, cosines in _footprint_directions(chief, whole, slack):
+        np.maximum.at(reach, screen, _radius_in_ellipse(root, centre, screen, cosines))
+    root[lit] = _widened(root[lit] * reach[lit, None, None], _blur(chief))
     of_whole = np.prod(root.diagonal(axis1=1, axis2=2), 1) / np.prod(whole.root.diagonal(axis1=1, axis2=2), 1)
     share = float(of_whole[lit].max(initial=0.0))
     return Aim(whole.centre + centre, root * np.sqrt(share / of_whole)[:, None, None], share)
 
 
-def _footprint_directions(calibration: Calibration, whole: Aim, slack: float):
+def _footprint_directions(chief: ChiefRays, whole: Aim, slack: float):
     """Screen pixels [k] and directions [k, 2], from the centre of `whole`, to corners of the footprints they light."""
-    columns, rows = calibration.scene.screen.pixels
-    corner, sees, pitch = calibration.corners[0], calibration.sees_mirror, calibration.scene.screen.pitch_mm
+    columns, rows = chief.scene.screen.pixels
+    corner, sees, pitch = chief.corners[0], chief.sees_mirror, chief.scene.screen.pitch_mm
     four = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]], 2)[sees]
-    centre, to_aperture, reach = (values[sees] for values in _landing(calibration, pitch * (np.sqrt(0.5) + slack)))
+    centre, to_aperture, reach = (values[sees] for values in _landing(chief, pitch * (np.sqrt(0.5) + slack)))
     known = np.isfinite(reach) & np.isfinite(four).all((1, 2))
     four, centre, to_aperture, reach = four[known], centre[known], to_aperture[known], reach[known]
-    lowest, highest = (edge[sees][known] for edge in calibration.landing_range())
+    lowest, highest = (edge[sees][known] for edge in chief.landing_range())
     first = np.ceil(np.clip(lowest - 0.5 - slack, 0, [columns, rows])).astype(int)
     last = np.floor(np.clip(highest + 0.5 + slack, -1, [columns - 1, rows - 1])).astype(int)
-    pixels = np.stack(pixel_centres(calibration), -1)
+    pixels = np.stack(pixel_centres(chief), -1)
     widest = np.maximum(last - first + 1, 0).max(0, initial=0)
     step = np.stack(np.meshgrid(*(np.arange(n) for n in widest), indexing="ij"), -1).reshape(-1, 2)
-    frame = calibration.screen_frame
+    frame = chief.screen_frame
     for part in np.array_split(np.arange(len(first)), len(first) * len(step) // PAIRS + 1):
         at = first[part, None] + step
         away = (pixels[0] + at * pitch - centre[part, None]) @ to_aperture[part].transpose(0, 2, 1)
@@ -143,18 +143,18 @@ def _footprint_directions(calibration: Calibration, whole: Aim, slack: float):
         yield np.repeat(screen, 4), (cosines - whole.centre[screen, None]).reshape(-1, 2)
 
 
-def _landing(calibration: Calibration, margin_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _landing(chief: ChiefRays, margin_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Where on the screen each detector pixel's light comes from, under its local linear map.
 
     Near a caustic that map tells little, and landing_range more. centre [rows, columns, 2] mm; to_aperture [rows,
     columns, 2, 2], from there to the camera's aperture, in its radii; reach [rows, columns], in the same: pixels whose
     centres are closer light it, widened by margin_mm.
     """
-    rim = np.stack(calibration.rims[1:], -1)
+    rim = np.stack(chief.rims[1:], -1)
     centre = rim.mean(-2)
     linear = np.einsum("...ku,ka->...ua", rim, RIM) * (2 / len(RIM))  # [rows, columns, (u, v), (a, b)], a, b in radii
     left = np.linalg.norm(rim - centre[..., None, :] - RIM @ linear.swapaxes(-1, -2), axis=-1).max(-1)
-    corners = np.stack(calibration.corners[1:], -1)
+    corners = np.stack(chief.corners[1:], -1)
     four = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]])
     spread = np.linalg.norm(four - centre, axis=-1).max(0)
     known = np.isfinite(linear).all((-1, -2)) & (np.abs(np.linalg.det(linear)) > 0)
@@ -163,38 +163,38 @@ def _landing(calibration: Calibration, margin_mm: float) -> tuple[np.ndarray, np
     return centre, to_aperture, np.where(known, reach, np.nan)
 
 
-def _blur(calibration: Calibration) -> float:
+def _blur(chief: ChiefRays) -> float:
     """How far directions reach beyond those from a pixel's centre to footprints: half a pixel, the aperture's blur."""
-    mirror, screen = calibration.rims[0][calibration.sees_mirror], calibration.scene.screen
+    mirror, screen = chief.rims[0][chief.sees_mirror], chief.scene.screen
     blur = np.nanmax(np.linalg.norm(mirror - np.nanmean(mirror, -2, keepdims=True), axis=-1), initial=0.0)
     distance = np.nanmin(np.linalg.norm(mirror - np.array(screen.position_mm), axis=-1))
     reach = np.linalg.norm(np.array(screen.pixels)) / 2 * screen.pitch_mm + np.linalg.norm(screen.centre_offset_mm)
     return float((screen.pitch_mm * np.sqrt(0.5) + blur) / max(distance - reach, distance / 2))
 
 
-def _directions_from_camera(calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
+def _directions_from_camera(chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
     """Screen pixels [k] and directions [k, 2] of light that comes into the camera, from reverse rays; half of them
     through the aperture's rim."""
-    random, (rows, columns) = np.random.default_rng(0), calibration.shape
+    random, (rows, columns) = np.random.default_rng(0), chief.shape
     row, column = random.random((2, CHECK_RAYS)) * [[rows], [columns]] - 0.5
     angle = random.random(CHECK_RAYS) * 2 * np.pi
-    radius = calibration.scene.camera.aperture_diameter_mm / 2 * np.sqrt(random.random(CHECK_RAYS))
-    radius[::2] = calibration.scene.camera.aperture_diameter_mm / 2
-    points, u, v = calibration.reverse(row, column, radius * np.cos(angle), radius * np.sin(angle))
-    screen, frame = calibration.scene.screen, calibration.screen_frame
+    radius = chief.scene.camera.aperture_diameter_mm / 2 * np.sqrt(random.random(CHECK_RAYS))
+    radius[::2] = chief.scene.camera.aperture_diameter_mm / 2
+    points, u, v = chief.reverse(row, column, radius * np.cos(angle), radius * np.sin(angle))
+    screen, frame = chief.scene.screen, chief.screen_frame
     with np.errstate(invalid="ignore"):
         at = [np.floor((w - offset) / screen.pitch_mm + count / 2)
               for w, offset, count in zip((u, v), screen.centre_offset_mm, screen.pixels, strict=True)]  # fmt: skip
-        use = calibration.surface.contains(points[:, 0], points[:, 1], 0.0)
+        use = chief.surface.contains(points[:, 0], points[:, 1], 0.0)
         use &= (at[0] >= 0) & (at[0] < screen.pixels[0]) & (at[1] >= 0) & (at[1] < screen.pixels[1])
     rays = points[use] - frame.to_world(u[use], v[use])
     pixel = (at[1][use] * screen.pixels[0] + at[0][use]).astype(int)
     return pixel, rays @ frame.axes[:2].T / np.linalg.norm(rays, axis=-1, keepdims=True)
 
 
-def pixel_centres(calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
+def pixel_centres(chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
     """x, y [rows * columns] of the screen's pixels in its frame [mm]."""
-    screen = calibration.scene.screen
+    screen = chief.scene.screen
     columns, rows = screen.pixels
     row, column = np.divmod(np.arange(rows * columns), columns)
     x = (column - (columns - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[0]
@@ -202,7 +202,7 @@ def pixel_centres(calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
     return x, y
 
 
-def _reach(root: np.ndarray, centre: np.ndarray, pixel: np.ndarray, cosines: np.ndarray) -> np.ndarray:
+def _radius_in_ellipse(root: np.ndarray, centre: np.ndarray, pixel: np.ndarray, cosines: np.ndarray) -> np.ndarray:
     """How far out directions [k, 2] lie in the ellipses of the pixels [k]: 1 on their rim."""
     l, m = (cosines - centre[pixel]).T
     first = l / root[pixel, 0, 0]

@@ -40,7 +40,7 @@ class Footprint:
 
 
 @dataclass(frozen=True)
-class Calibration:
+class ChiefRays:
     """Reverse chief rays of a scene: detector -> centre of the camera's aperture -> mirror -> screen."""
 
     scene: Scene
@@ -172,28 +172,28 @@ class Calibration:
 
 
 @lru_cache(maxsize=4)
-def calibrate(scene: Scene) -> Calibration:
+def chief_rays(scene: Scene) -> ChiefRays:
     """The calibration of a scene, shared by all who ask for the same one: its maps are computed once.
 
     Raises ValueError if the detector has more pixels than the memory can hold maps of.
     """
     columns, rows = scene.camera.detector.pixels
     check_memory(f"scene {scene.name}: camera.detector.pixels = {[columns, rows]}", columns * rows * BYTES_PER_PIXEL)
-    return Calibration(scene)
+    return ChiefRays(scene)
 
 
-def check_visible(calibration: Calibration, source: str) -> None:
+def check_visible(chief: ChiefRays, source: str) -> None:
     """Refuse a scene whose detector sees no mirror or whose mirror shows no screen pixel to the detector.
 
     source: the scene's file or preset, for the message. Raises SceneError.
     """
-    scene = calibration.scene
-    if not calibration.sees_mirror.any():
+    scene = chief.scene
+    if not chief.sees_mirror.any():
         raise SceneError(
             f"{source}: camera.look_at_mm = {list(scene.camera.look_at_mm)}: "
             "no detector pixel sees the mirror; must bring the mirror into the field of view"
         )
-    lowest, highest = (edge[calibration.sees_mirror] for edge in calibration.landing_range())
+    lowest, highest = (edge[chief.sees_mirror] for edge in chief.landing_range())
     size = np.array(scene.screen.pixels)
     if not np.any(np.all((highest >= -0.5) & (lowest <= size - 0.5), axis=-1)):
         if not np.isfinite(lowest + highest).all(-1).any():

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,11 @@ class Windows:
 
 
 @lru_cache(maxsize=8)
-def place_windows(calibration: Calibration, margin: int) -> Windows:
+def place_windows(chief: ChiefRays, margin: int) -> Windows:
     """Windows of equal size around what the chief rays say, widened by margin screen pixels and kept on the screen."""
-    pixels = np.flatnonzero(calibration.sees_mirror)
-    lowest, highest = (edge.reshape(-1, 2)[pixels] for edge in calibration.landing_range())
-    size = np.array(calibration.scene.screen.pixels)
+    pixels = np.flatnonzero(chief.sees_mirror)
+    lowest, highest = (edge.reshape(-1, 2)[pixels] for edge in chief.landing_range())
+    size = np.array(chief.scene.screen.pixels)
     first = np.floor(np.clip(np.nan_to_num(lowest + 0.5, nan=0.0), -1e6, 1e6)).astype(int) - margin
     last = np.floor(np.clip(np.nan_to_num(highest + 0.5, nan=0.0), -1e6, 1e6)).astype(int) + margin
     on_screen = np.all((last >= 0) & (first < size), axis=-1)

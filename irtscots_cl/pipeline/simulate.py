@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.analysis.comparison import Comparison, compare
-from irtscots_cl.analysis.error_terms import ErrorPart, error_parts
+from irtscots_cl.analysis.error_terms import ErrorTerm, error_terms
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.measurement.methods import measure_by
@@ -32,7 +32,7 @@ class Run:
     stack: ImageStack
     result: Reconstruction
     comparison: Comparison
-    parts: tuple[ErrorPart, ...]
+    parts: tuple[ErrorTerm, ...]
     report: dict
 
 
@@ -62,7 +62,7 @@ def simulate(
     comparison, predicted = compare(result, scene), predict_error(result, stack)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
     first = device if device is None or isinstance(device, Device) else device[0]
-    separated = error_parts(result, scene, measure, transport.options, first) if parts else ()
+    separated = error_terms(result, scene, measure, transport.options, first) if parts else ()
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
     return Run(transport, stack, result, comparison, separated, report)
 

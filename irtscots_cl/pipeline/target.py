@@ -154,7 +154,7 @@ def _setting(way: TraceOptions, measure: str, noise: _Noise, floor_nm: float, se
                    float(np.hypot(floor_nm, left)), floor_nm, seconds + rays * noise.seconds)  # fmt: skip
 
 
-def reach(
+def run_to_target(
     scene: Scene,
     target_nm: float,
     *,

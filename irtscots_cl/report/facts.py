@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from irtscots_cl.analysis.comparison import Comparison
-from irtscots_cl.analysis.error_terms import ErrorPart
+from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.analysis.stray_light import StrayLight
 from irtscots_cl.measurement.prediction import PredictedError
 from irtscots_cl.measurement.reconstruction import Reconstruction
@@ -21,7 +21,7 @@ def build_report(
     result: Reconstruction,
     comparison: Comparison,
     predicted: PredictedError,
-    parts: tuple[ErrorPart, ...],
+    parts: tuple[ErrorTerm, ...],
     seconds: dict[str, float],
 ) -> dict:
     """The contents of report.json. measure: name of how it was measured. parts: of the height error,
@@ -92,7 +92,7 @@ def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> dict:
         "direct_w": direct,
         "staying": [
             {"end": stays.name, "flux_w": stays.flux_w, "flux_standard_error_w": stays.standard_error_w}
-            for stays in light.staying
+            for stays in light.losses
         ],
         "stray_light": [
             {"kind": s.kind, "of_direct": s.of_direct, "height_nm_rms": s.height_nm.value,

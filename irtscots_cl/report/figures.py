@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from irtscots_cl.analysis.comparison import Comparison
-from irtscots_cl.analysis.error_terms import ErrorPart
+from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.maths.low_order import remove_terms
 from irtscots_cl.measurement.reconstruction import Reconstruction
@@ -21,7 +21,7 @@ def write_figures(
     stack: ImageStack,
     result: Reconstruction,
     comparison: Comparison | None,
-    parts: tuple[ErrorPart, ...] = (),
+    parts: tuple[ErrorTerm, ...] = (),
 ) -> list[str]:
     """Write the figures of a run as PNG files into the folder; returns their names.
 
@@ -113,7 +113,7 @@ def height_figure(result: Reconstruction, comparison: Comparison | None) -> Figu
     return figure
 
 
-def parts_figure(result: Reconstruction, parts: tuple[ErrorPart, ...]) -> Figure:
+def parts_figure(result: Reconstruction, parts: tuple[ErrorTerm, ...]) -> Figure:
     """A map for each part of the height error, each with its own scale."""
     columns = min(4, len(parts))
     rows = -(-len(parts) // columns)

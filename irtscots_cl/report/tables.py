@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from irtscots_cl.analysis.error_terms import ErrorPart
+from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.maths.statistics import Estimate
 
 
@@ -45,7 +45,7 @@ def _short_mm(length_mm: float) -> str:
     return f"{round(length_mm, 3) + 0.0:.3f}" if math.isfinite(length_mm) else ""  # + 0.0: no minus before a zero
 
 
-def error_term_facts(part: ErrorPart) -> dict:
+def error_term_facts(part: ErrorTerm) -> dict:
     slopes = dict(zip("xy", part.slope_urad, strict=True))
     return {"part": part.name, "slope_urad_rms": slopes, "height_nm_rms": part.height_nm}
 

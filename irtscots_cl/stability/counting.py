@@ -10,7 +10,7 @@ from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
 from irtscots_cl.opencl.structs import WEIGHT_ONE
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.instrument import Detector
 from irtscots_cl.scene.mirror import Mirror
 from irtscots_cl.scene.model import Scene
@@ -53,7 +53,7 @@ def _one_bin(rays: int, bench: Bench) -> list[Finding]:
     """Camera and screen at the centre of curvature, a pinhole: all light of a pixel lands in one bin."""
     scene = _pinhole()
     run = trace(scene, device=bench.device, precision=bench.precision, rays_per_pixel=rays, replicates=1)
-    whole = Calibration(scene).footprint.coverage[np.divmod(run.windows.pixels, 8)] == 1
+    whole = ChiefRays(scene).footprint.coverage[np.divmod(run.windows.pixels, 8)] == 1
     weight = run.counts[0, whole].sum((1, 2)) / (rays * WEIGHT_ONE)
     one_bin = np.sum(np.sum(run.counts[0, whole] > 0, (1, 2)) == 1)
     total = sum(v for k, v in run.ledger.items() if k != "launched") - run.ledger["launched"]
@@ -80,8 +80,8 @@ def _wide_pixels(bench: Bench) -> list[Finding]:
     wide = Detector(pixels=(2, 1), pitch_mm=12 * scene.camera.image_distance_mm)
     screen = dataclasses.replace(scene.screen, pixels=(5, 5))
     scene = dataclasses.replace(scene, screen=screen, camera=dataclasses.replace(scene.camera, detector=wide))
-    calibration = Calibration(scene)
-    sources = receivers(calibration, np.arange(2), np.zeros((2, 2), int), bench.precision)
+    chief = ChiefRays(scene)
+    sources = receivers(chief, np.arange(2), np.zeros((2, 2), int), bench.precision)
     run = trace(scene, device=bench.device, precision=bench.precision, rays_per_pixel=2**20, replicates=8)
     flux = np.stack([run.flux_w(r).sum() for r in range(8)])
     camera = scene.camera
@@ -114,11 +114,11 @@ def _faint(bench: Bench) -> list[Finding]:
     def light(brightness: np.ndarray) -> np.ndarray:
         return run.images(LineScan(scene, brightness)).y.mean_w().sum(-1)  # rows of the screen: both halves in each
 
-    alone, together, without = light(faint), light(bright + faint), light(bright)
+    alone, open_pool, without = light(faint), light(bright + faint), light(bright)
     lit = (alone > 0) & (without > 0)
     ratio = without[lit] / alone[lit]
     limit = Limit(8, "roundings", "float64 adds up the bins of a light curve: eight roundings of the bright part")
-    apart = (together - without - alone)[lit] / (2.0**-53 * without[lit])
+    apart = (open_pool - without - alone)[lit] / (2.0**-53 * without[lit])
     return [
         finding(f"faint part of {np.median(ratio):.1e} times brighter light", apart, limit),
         count("detector pixels without both", int(np.sum(~lit)), len(lit), "or nothing was compared")

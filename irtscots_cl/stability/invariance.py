@@ -115,9 +115,9 @@ def _scaled_by_power(factor: float, bench: Bench) -> list[Finding]:
     here, there = trace(scene, **options), trace(scaled(scene, factor), **options)
     ratio = there.flux_w().sum() / here.flux_w().sum() / factor**2 - 1
     rounding = Limit(1e-14, "of 1", "float64 rounding: flux is radiance times area times solid angle")
-    differing = int(np.sum(here.counts != there.counts)) + (here.ledger != there.ledger)
+    merge_descriptions = int(np.sum(here.counts != there.counts)) + (here.ledger != there.ledger)
     return [
-        count("counts that differ", differing, here.counts.size, "a power of two rounds nothing"),
+        count("counts that differ", merge_descriptions, here.counts.size, "a power of two rounds nothing"),
         finding("flux over the factor's square", [ratio], rounding),
     ]
 

@@ -7,7 +7,7 @@ from math import cos, radians, sin
 
 import numpy as np
 
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import Scene
@@ -51,9 +51,9 @@ def adjoint_probe(scene: Scene, bench: Bench, words: np.ndarray) -> tuple[Adjoin
 
     The image points are exact numbers: the pixel's centre and the words' place in it, without rounding.
     """
-    calibration, n = Calibration(scene), words.shape[1]
+    chief, n = ChiefRays(scene), words.shape[1]
     pixels = np.arange(words.shape[0])
-    sources = receivers(calibration, pixels, np.zeros((len(pixels), 2), int), bench.precision)
+    sources = receivers(chief, pixels, np.zeros((len(pixels), 2), int), bench.precision)
     padded = np.zeros((len(pixels), -(-n // BLOCK) * BLOCK, 4), np.uint32)
     padded[:, :n] = words
     paths = PathProbe(bench.device, scene, bench.precision, "adjoint")(

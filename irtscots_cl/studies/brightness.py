@@ -13,8 +13,8 @@ from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import maps
-from irtscots_cl.studies.traces import SEED, Lab
-from irtscots_cl.studies.verdicts import Outcome, exact, row
+from irtscots_cl.studies.traces import SEED, SharedTraces
+from irtscots_cl.studies.verdicts import StudyResult, exact, row
 from irtscots_cl.tracing.results.transport import Transport
 from irtscots_cl.tracing.trace import trace
 
@@ -27,13 +27,13 @@ PAPER_NOISE_NM = 7.08 * 2**0.5  # its numerical error, of two maps
 RAYS, DRAWS = 16384, 40
 
 
-def study(lab: Lab) -> Outcome:
+def study(traces: SharedTraces) -> StudyResult:
     scene = load_scene("sphere")
-    transport = trace(scene, device=lab.device, estimator="adjoint", sampler="sobol", rays_per_pixel=RAYS, replicates=1,
-                      seed=SEED, progress=lab.progress, keeper=lab.keeper)  # fmt: skip
+    transport = trace(scene, device=traces.device, estimator="adjoint", sampler="sobol", rays_per_pixel=RAYS,
+                      replicates=1, seed=SEED, progress=traces.progress, keeper=traces.keeper)  # fmt: skip
     even = _measured(transport, scene, None)
     random = np.random.default_rng(SEED)
-    size = (DRAWS // 2 if lab.quick else DRAWS, *scene.screen.pixels[::-1])
+    size = (DRAWS // 2 if traces.quick else DRAWS, *scene.screen.pixels[::-1])
     draws = list(1 + AMPLITUDE * random.uniform(-1, 1, size))
     linear = {f"linear, to {where}": _linear(scene, span) for where, span in ENDS.items()}
     heights = {kind: [_difference(transport, scene, b, even)] for kind, b in linear.items()}
@@ -55,7 +55,7 @@ def study(lab: Lab) -> Outcome:
          remove_terms(even.x_mm, even.y_mm, heights[kind][0], even.mask, terms))
         for kind in (drawn, "random") for terms in HEIGHT_TERMS
     ]  # fmt: skip
-    return Outcome(tuple(rows), (
+    return StudyResult(tuple(rows), (
         f"one transport map of {transport.rays_total:,} adjoint rays, Sobol, seed {SEED}; every brightness is a "
         "product with it; height differences from the even screen, so ray noise nearly cancels",
         f"linear: 0.9 to 1.1 across the screen's columns; the paper's number carries {PAPER_NOISE_NM:.0f} nm of its "

@@ -10,20 +10,20 @@ from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.statistics import Estimate, jackknife_error
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import maps
-from irtscots_cl.studies.traces import Lab, Traced, describe
-from irtscots_cl.studies.verdicts import Outcome, exact, row
+from irtscots_cl.studies.traces import SharedTrace, SharedTraces, describe
+from irtscots_cl.studies.verdicts import StudyResult, exact, row
 from irtscots_cl.tracing.trace import trace
 
 TITLE = "Line 7 on the ideal and the deviated sphere (figure 3)"
 SURFACES = ("sphere", "sphere-deviated")
 PRINTED_PERCENT = 6.16
 SIDES = {"from the side of -x": 6, "from the side of +x": 14}  # the seventh of 21 lines
-LEAST_SIGNAL = 0.05  # of the brightest pixel: what counts as lit
+MIN_SIGNAL = 0.05  # of the brightest pixel: what counts as lit
 
 
-def study(lab: Lab) -> Outcome:
-    rays = lab.ray_numbers[-1]
-    traced = [lab.full(name, rays) for name in SURFACES]
+def study(traces: SharedTraces) -> StudyResult:
+    rays = traces.ray_numbers[-1]
+    traced = [traces.full(name, rays) for name in SURFACES]
     closed = [trace(scene, estimator="analytic").images(LineScan(scene)) for scene in map(load_scene, SURFACES)]
     rows, figures = [], {}
     for side, line in SIDES.items():
@@ -38,9 +38,9 @@ def study(lab: Lab) -> Outcome:
              ("difference", (first - second) / first.max())],
             "normalised irradiance", limits=[(0, 1), (0, 1), (-0.2, 0.2)],
         )  # fmt: skip
-    return Outcome(tuple(rows), (
+    return StudyResult(tuple(rows), (
         f"mean difference: mean of the absolute difference over mean of the ideal image, over the pixels that have at "
-        f"least {LEAST_SIGNAL:.0%} of the brightest signal in both images",
+        f"least {MIN_SIGNAL:.0%} of the brightest signal in both images",
         "the paper states neither its definition nor from which side lines are counted: both are shown, from the "
         "closed form, without noise",
         "traced images: ray noise makes absolute differences larger; expected is the mean of |d + e| with the noise e "
@@ -56,7 +56,7 @@ def _images(stack: ImageStack, line: int) -> np.ndarray:
 
 def _mean_difference(ideal: np.ndarray, deviated: np.ndarray) -> float:
     """In percent; see the study's notes."""
-    lit = np.minimum(ideal, deviated) > LEAST_SIGNAL * ideal.max()
+    lit = np.minimum(ideal, deviated) > MIN_SIGNAL * ideal.max()
     return float(100 * np.abs(ideal - deviated)[lit].mean() / ideal[lit].mean())
 
 
@@ -66,10 +66,10 @@ def _estimate(stacks: list[ImageStack], line: int) -> Estimate:
     return Estimate(values[0], float(jackknife_error(values)))
 
 
-def _expected_with_noise(closed: list[ImageStack], traced: list[Traced], line: int) -> float:
+def _expected_with_noise(closed: list[ImageStack], traced: list[SharedTrace], line: int) -> float:
     """Mean difference in percent of the closed form's images with the traced ones' noise: a folded normal per pixel."""
     ideal, deviated = (_images(stack, line)[0] for stack in closed)
-    lit = np.minimum(ideal, deviated) > LEAST_SIGNAL * ideal.max()
+    lit = np.minimum(ideal, deviated) > MIN_SIGNAL * ideal.max()
     difference, variance = (ideal - deviated)[lit], np.zeros(lit.sum())
     for t in traced:
         variance += t.stack.x.image(line, t.stack.x.standard_error_w())[lit] ** 2

@@ -8,22 +8,22 @@ from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import maps
-from irtscots_cl.studies.traces import RUNS, Lab, describe, over_runs
-from irtscots_cl.studies.verdicts import Outcome, row
+from irtscots_cl.studies.traces import RUNS, SharedTraces, describe, over_runs
+from irtscots_cl.studies.verdicts import StudyResult, row
 from irtscots_cl.tracing.trace import trace
 
 TITLE = "One line image at the paper's ray numbers (figure 4)"
 LINE = 10  # the middle one of 21
-LEAST_SIGNAL = 0.5  # of the brightest pixel: where the noise is looked at
+MIN_SIGNAL = 0.5  # of the brightest pixel: where the noise is looked at
 
 
-def study(lab: Lab) -> Outcome:
+def study(traces: SharedTraces) -> StudyResult:
     scene = load_scene("sphere")
     truth = trace(scene, estimator="analytic").images(LineScan(scene)).x.image(LINE)
-    lit = truth > LEAST_SIGNAL * truth.max()
+    lit = truth > MIN_SIGNAL * truth.max()
     rows, panels, noise = [], [], []
-    for rays in lab.ray_numbers:
-        scan = lab.runs("sphere", rays).stack.x
+    for rays in traces.ray_numbers:
+        scan = traces.runs("sphere", rays).stack.x
         images = np.stack([scan.image(LINE, curves) for curves in scan.flux_w])
         noise.append(over_runs(100 * np.sqrt(np.mean((images / truth.clip(1e-300) - 1)[:, lit] ** 2, axis=1))))
         panels.append((f"{rays:,} rays", images[0] / truth.max()))
@@ -31,13 +31,13 @@ def study(lab: Lab) -> Outcome:
         hits = truth[lit] * (scan.hits.sum() / RUNS / scan.mean_w().sum())
         expected = 100 * float(np.sqrt(np.mean(1 / hits)))
         rows.append(row(f"noise of a pixel, {rays:,} rays [%]", noise[-1], expected=expected, allowed=0.01 * expected))
-    rays = lab.ray_numbers
+    rays = traces.ray_numbers
     rows += [_fall(*both) for both in zip(rays, rays[1:], noise, noise[1:], strict=False)]
     figure = maps(panels, "normalised irradiance", limits=[(0, 1)] * len(panels))
-    return Outcome(tuple(rows), (
+    return StudyResult(tuple(rows), (
         "the middle line on the ideal sphere; noise: rms difference from the closed form over the pixels with at least "
-        f"{LEAST_SIGNAL:.0%} of the brightest signal, relative to it, mean of {RUNS} runs; expected: from counting",
-        *(describe(lab.runs("sphere", number)) for number in rays),
+        f"{MIN_SIGNAL:.0%} of the brightest signal, relative to it, mean of {RUNS} runs; expected: from counting",
+        *(describe(traces.runs("sphere", number)) for number in rays),
     ), {"fig4.png": figure})  # fmt: skip
 
 

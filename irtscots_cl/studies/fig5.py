@@ -9,8 +9,8 @@ from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.optics.pixel.chord import chord_cdf
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import curves
-from irtscots_cl.studies.traces import CENTRE, PAPER_RAYS, RUNS, Lab, describe, light_curve, over_runs
-from irtscots_cl.studies.verdicts import Outcome, exact, row
+from irtscots_cl.studies.traces import CENTRE, PAPER_RAYS, RUNS, SharedTraces, describe, light_curve, over_runs
+from irtscots_cl.studies.verdicts import StudyResult, exact, row
 from irtscots_cl.tracing.trace import trace
 
 TITLE = "Light curve of the centre pixel against Eq. (2) (figure 5)"
@@ -29,7 +29,7 @@ def misfit_percent(curve: np.ndarray, theory: np.ndarray) -> np.ndarray:
     return 100 * np.sqrt(np.mean((share - theory)[..., lit] ** 2, axis=-1)) / theory.max()
 
 
-def study(lab: Lab) -> Outcome:
+def study(traces: SharedTraces) -> StudyResult:
     scene = load_scene("sphere")
     radius, pitch = scene.camera.aperture_diameter_mm / 2, scene.screen.pitch_mm
     position, closed = light_curve(trace(scene, estimator="analytic").images(LineScan(scene)), "x", CENTRE)
@@ -37,8 +37,8 @@ def study(lab: Lab) -> Outcome:
     theory = eq2(position, pitch, radius)
     rows = [row("misfit of the closed form [%]", exact(float(misfit_percent(closed, theory))))]
     series = [("Eq. (2)", *_fine(pitch, radius), "k:")]
-    for rays, symbol in zip(lab.ray_numbers, "os^", strict=False):
-        runs = lab.runs("sphere", rays)
+    for rays, symbol in zip(traces.ray_numbers, "os^", strict=False):
+        runs = traces.runs("sphere", rays)
         at, flux = light_curve(runs.stack, "x", CENTRE)
         own = eq2(at, pitch, radius)
         hits = _hits(runs.stack) / RUNS
@@ -53,14 +53,14 @@ def study(lab: Lab) -> Outcome:
         rows.append(row(f"misfit, {rays:,} rays, mean of ten [%]", Estimate(ten, ten / np.sqrt(2 * np.sum(own > 0))),
                         paper=PRINTED_PERCENT[rays], closeness=0.5))  # fmt: skip
         series.append((f"{rays:,} rays: {values[0]:.2g} %", at, flux[0] / flux[0].sum(), symbol))
-    return Outcome(tuple(rows), (
+    return StudyResult(tuple(rows), (
         "misfit: rms over the lines of the difference between light curve and Eq. (2), both of sum 1, in percent of "
         "the peak; the paper does not define its own: within half of its figures counts as agreeing",
         f"single run: mean of the misfits of {RUNS} runs; expected: from counting, root of the mean square, of which "
         "the mean falls short by up to a tenth; mean of ten: misfit of their mean, uncertain by a quarter",
         "Eq. (2) with a = 0.5 mm, d = 0.2 mm, centred where the chief ray lands; the closed form is the analytic "
         "estimator",
-        *(describe(lab.runs("sphere", rays)) for rays in lab.ray_numbers),
+        *(describe(traces.runs("sphere", rays)) for rays in traces.ray_numbers),
     ), {"fig5.png": curves(series, "coordinate of line [mm]", "share of the light")})  # fmt: skip
 
 

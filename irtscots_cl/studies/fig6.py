@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from irtscots_cl.measurement.centroids import centroids
-from irtscots_cl.optics.pixel.response import pixel_light
+from irtscots_cl.optics.pixel.response import pixel_response
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import curves
-from irtscots_cl.studies.traces import CENTRE, RUNS, Lab, describe, light_curve, over_runs
-from irtscots_cl.studies.verdicts import Outcome, exact, row
+from irtscots_cl.studies.traces import CENTRE, RUNS, SharedTraces, describe, light_curve, over_runs
+from irtscots_cl.studies.verdicts import StudyResult, exact, row
 
 TITLE = "Centroids of the centre pixel (figure 6)"
 PRINTED_MM = {"sphere": 0.001, "sphere-deviated": 0.045}
@@ -21,10 +21,10 @@ SAMPLING_MM = 0.002  # what sampling a light curve by lines of 0.2 mm moves a ce
 BOTH_COMAS_ALONG_X = {6: 0.3266, 8: -0.1414, 9: 0.1061, 11: 0.0894, 30: -0.0250, 38: -0.0141}  # 30, not 29
 
 
-def study(lab: Lab) -> Outcome:
-    rays, rows, series, notes = lab.ray_numbers[-1], [], [], []
+def study(traces: SharedTraces) -> StudyResult:
+    rays, rows, series, notes = traces.ray_numbers[-1], [], [], []
     for name, style in (("sphere", "bo-"), ("sphere-deviated", "rs-")):
-        runs = lab.runs(name, rays)
+        runs = traces.runs(name, rays)
         truth = _true_centroid(load_scene(name))
         for axis, true in zip("xy", truth, strict=True):
             measured = over_runs(_centroids(runs.stack, axis))
@@ -39,7 +39,7 @@ def study(lab: Lab) -> Outcome:
         notes.append(describe(runs))
     rows.append(row("centroid x, were the tertiary coma along x too [mm]",
                     exact(_true_centroid(_with_coma(load_scene("sphere-deviated")))[0])))  # fmt: skip
-    return Outcome(tuple(rows), (
+    return StudyResult(tuple(rows), (
         f"expected: centroid of the closed form of the light; sampling by lines moves a plain centroid by up to "
         f"{SAMPLING_MM} mm; ours: mean of {RUNS} runs",
         *notes,
@@ -53,7 +53,7 @@ def _centroids(stack, axis: str) -> np.ndarray:
 
 
 def _true_centroid(scene: Scene) -> tuple[float, float]:
-    light = pixel_light(scene)
+    light = pixel_response(scene)
     u, v = light.means("uv")[:, np.searchsorted(light.pixels, CENTRE)]
     return float(u), float(v)
 

@@ -13,8 +13,8 @@ from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import maps
-from irtscots_cl.studies.traces import RUNS, SEED, Lab, Traced, describe
-from irtscots_cl.studies.verdicts import Outcome, Row, row
+from irtscots_cl.studies.traces import RUNS, SEED, SharedTrace, SharedTraces, describe
+from irtscots_cl.studies.verdicts import StudyResult, VerdictRow, row
 from irtscots_cl.tracing.trace import trace
 
 TITLE = "Off-axis segment (section 3.4, figures 11 and 12)"
@@ -24,20 +24,20 @@ SHOWN_LINES = 15
 SMALL = 0.06  # relative: what the prediction leaves out
 
 
-def study(lab: Lab) -> Outcome:
+def study(traces: SharedTraces) -> StudyResult:
     scene = load_scene("off-axis")
-    full = lab.full("off-axis", PAPER_RAYS // 100 if lab.quick else PAPER_RAYS)
+    full = traces.full("off-axis", PAPER_RAYS // 100 if traces.quick else PAPER_RAYS)
     result, comparison, rows = _measured(full.stack, scene, f"{full.rays // np.prod(scene.screen.pixels):,} rays",
-                                         np.nan if lab.quick else PRINTED_NM)  # fmt: skip
-    tenfold, adjoint_rays = _tenfold(lab, scene, full)
-    _, _, more = _measured(tenfold, scene, "ten times the light", np.nan if lab.quick else PRINTED_TENFOLD_NM)
+                                         np.nan if traces.quick else PRINTED_NM)  # fmt: skip
+    tenfold, adjoint_rays = _tenfold(traces, scene, full)
+    _, _, more = _measured(tenfold, scene, "ten times the light", np.nan if traces.quick else PRINTED_TENFOLD_NM)
     figures = {
         "fig11.png": maps([(f"{SHOWN_LINES} lines, {scan.axis} scan", _many_lines(scan))
                            for scan in (full.stack.x, full.stack.y)], "normalised irradiance", columns=2),
         "fig12.png": maps([("reconstructed height", result.height_mm), ("error, piston and tilt removed",
                            1e6 * comparison.error_mm)], ["mm", "nm"], columns=2),
     }  # fmt: skip
-    return Outcome(tuple(rows + more), (
+    return StudyResult(tuple(rows + more), (
         f"{describe(full)}, all of them traced: {full.seconds['trace']:.0f} s",
         f"ten times the light: {adjoint_rays:,} adjoint rays, Philox, seed {SEED}, as many per detector pixel as ten "
         "times the forward run's hits: a light curve's centroid is as noisy by the one as by the other",
@@ -47,7 +47,9 @@ def study(lab: Lab) -> Outcome:
     ), figures)  # fmt: skip
 
 
-def _measured(stack: ImageStack, scene: Scene, how: str, paper: float) -> tuple[Reconstruction, Comparison, list[Row]]:
+def _measured(
+    stack: ImageStack, scene: Scene, how: str, paper: float
+) -> tuple[Reconstruction, Comparison, list[VerdictRow]]:
     result = measure_by("paper", stack, scene.nominal())
     found, predicted = compare(result, scene), predict_error(result, stack)
     rows = [row(f"{how}: slope {axis} [urad]", error, expected=1e6 * slope, allowed=SMALL * 1e6 * slope)
@@ -59,12 +61,12 @@ def _measured(stack: ImageStack, scene: Scene, how: str, paper: float) -> tuple[
     return result, found, rows
 
 
-def _tenfold(lab: Lab, scene: Scene, full: Traced) -> tuple[ImageStack, int]:
+def _tenfold(traces: SharedTraces, scene: Scene, full: SharedTrace) -> tuple[ImageStack, int]:
     """Images of an adjoint run with ten times the hits, and its rays."""
     hits = full.stack.x.hits
     rays = max(round(10 * float(np.median(hits[hits > 0]))), RUNS)
-    done = trace(scene, device=lab.device, estimator="adjoint", rays_per_pixel=rays, replicates=RUNS, seed=SEED,
-                 progress=lab.progress, keeper=lab.keeper)  # fmt: skip
+    done = trace(scene, device=traces.device, estimator="adjoint", rays_per_pixel=rays, replicates=RUNS, seed=SEED,
+                 progress=traces.progress, keeper=traces.keeper)  # fmt: skip
     return done.images(LineScan(scene)), done.rays_total
 
 

@@ -7,10 +7,10 @@ import numpy as np
 from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.measurement.centroids import centroids, poisson_error
-from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.scene.presets import load_scene
-from irtscots_cl.studies.traces import RUNS, Lab, Traced, describe
-from irtscots_cl.studies.verdicts import Outcome, Row, row
+from irtscots_cl.studies.traces import RUNS, SharedTrace, SharedTraces, describe
+from irtscots_cl.studies.verdicts import StudyResult, VerdictRow, row
 
 TITLE = "Precision of the centroids, ideal sphere (Eq. 5)"
 LIT_LINES = 6  # N of Eq. (5): lines that contribute
@@ -18,22 +18,22 @@ BASE_WIDTH_MM = 1.2  # w of Eq. (5): full width of the light curve, aperture plu
 WHOLE = 0.999  # coverage of the pixels looked at: those at the rim have light curves of other shape
 
 
-def study(lab: Lab) -> Outcome:
-    rows: list[Row] = []
-    for rays in lab.ray_numbers:
-        rows += _rows(lab.runs("sphere", rays), rays)
-    return Outcome(tuple(rows), (
+def study(traces: SharedTraces) -> StudyResult:
+    rows: list[VerdictRow] = []
+    for rays in traces.ray_numbers:
+        rows += _rows(traces.runs("sphere", rays), rays)
+    return StudyResult(tuple(rows), (
         f"ours: scatter of the x centroids over {RUNS} runs, rms over all pixels that see nothing but mirror",
         "expected: standard deviation of the light curve over the root of its hits, 0.2566 mm / sqrt(hits)",
         f"paper: Eq. (5) with w = {BASE_WIDTH_MM} mm, N = {LIT_LINES} and the SNR that counting gives the brightest "
         "line; it is about twice too pessimistic",
-        *(describe(lab.runs("sphere", rays)) for rays in lab.ray_numbers),
+        *(describe(traces.runs("sphere", rays)) for rays in traces.ray_numbers),
     ))  # fmt: skip
 
 
-def _rows(runs: Traced, rays: int) -> list[Row]:
+def _rows(runs: SharedTrace, rays: int) -> list[VerdictRow]:
     scan = runs.stack.x
-    inner = calibrate(load_scene("sphere")).footprint.coverage.ravel()[scan.pixels] >= WHOLE
+    inner = chief_rays(load_scene("sphere")).footprint.coverage.ravel()[scan.pixels] >= WHOLE
     scatter = centroids(scan, scan.flux_w)[:, inner].var(0, ddof=1)
     measured = float(np.sqrt(np.nanmean(scatter)))
     freedom = (RUNS - 1) * int(np.isfinite(scatter).sum())

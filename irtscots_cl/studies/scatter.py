@@ -13,8 +13,8 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.scatter.models import Harvey, tis_of_roughness
 from irtscots_cl.studies.drawing import maps
-from irtscots_cl.studies.traces import CENTRE, SEED, Lab, over_runs
-from irtscots_cl.studies.verdicts import Outcome, exact, row
+from irtscots_cl.studies.traces import CENTRE, SEED, SharedTraces, over_runs
+from irtscots_cl.studies.verdicts import StudyResult, exact, row
 from irtscots_cl.tracing.results.paths import PathLight
 from irtscots_cl.tracing.trace import trace, trace_paths
 
@@ -27,16 +27,16 @@ RAYS, QUICK_RAYS, REPLICATES = 400_000, 40_000, 8
 BLOCK = 4  # pixels about the centre, over which the scattered irradiance is averaged
 
 
-def study(lab: Lab) -> Outcome:
+def study(traces: SharedTraces) -> StudyResult:
     tis = float(tis_of_roughness(SIGMA_NM, WAVELENGTH_NM))
     clean, dirty = (Harvey(tis=factor * tis, **LOBE) for factor in (1, 10))
-    light, lens = _traced(lab, _dull_mirror(clean)), _traced(lab, _dull_lens(clean))
+    light, lens = _traced(traces, _dull_mirror(clean)), _traced(traces, _dull_lens(clean))
     expected = float(clean.bsdf(0.0)) * _line_solid_angle(light.scene)
-    effect, dirtier, of_lens = (_effect(each) for each in (light, _traced(lab, _dull_mirror(dirty)), lens))
+    effect, dirtier, of_lens = (_effect(each) for each in (light, _traced(traces, _dull_mirror(dirty)), lens))
     pattern, (of_all, of_line) = LineScan(light.scene), _specular(light)
     specular, scattered = (light.only(kind).images(pattern).x.image(LINE) for kind in ("direct", "scatter"))
     under_line = _scattered(light)
-    return Outcome((
+    return StudyResult((
         row("TIS of 2 nm rms at 500 nm", exact(tis), paper=PRINTED_TIS, closeness=0.02),
         row("b0 of the lobe with that TIS [1/sr]", exact(float(clean.bsdf(0.0)))),
         row("light scattered under one line, over the pixel's specular light under all", _over(under_line, of_all),
@@ -79,10 +79,10 @@ def _effect(light: PathLight) -> StrayLight:
     return next(stray for stray in stray_light(light) if stray.kind == "scatter")
 
 
-def _traced(lab: Lab, scene: Scene) -> PathLight:
-    rays = QUICK_RAYS if lab.quick else RAYS
-    return trace_paths(scene, device=lab.device, rays_per_pixel=rays, replicates=REPLICATES, seed=SEED,
-                       progress=lab.progress, keeper=lab.keeper)  # fmt: skip
+def _traced(traces: SharedTraces, scene: Scene) -> PathLight:
+    rays = QUICK_RAYS if traces.quick else RAYS
+    return trace_paths(scene, device=traces.device, rays_per_pixel=rays, replicates=REPLICATES, seed=SEED,
+                       progress=traces.progress, keeper=traces.keeper)  # fmt: skip
 
 
 def _line_solid_angle(scene: Scene) -> float:

@@ -10,8 +10,8 @@ from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
-from irtscots_cl.studies.traces import CENTRE, PAPER_OVERFILL, PAPER_RAYS, RUNS, SEED, Lab
-from irtscots_cl.studies.verdicts import Outcome, row
+from irtscots_cl.studies.traces import CENTRE, PAPER_OVERFILL, PAPER_RAYS, RUNS, SEED, SharedTraces
+from irtscots_cl.studies.verdicts import StudyResult, row
 from irtscots_cl.tracing.trace import trace
 
 TITLE = "Signal-to-noise ratio of one line image over ten runs, ideal sphere"
@@ -19,12 +19,12 @@ PRINTED = dict(zip(PAPER_RAYS, (3.38, 15.10, 49.71), strict=True))
 HALF_BLOCK = 4  # pixels around the centre, over which the light varies by 2 %
 
 
-def study(lab: Lab) -> Outcome:
+def study(traces: SharedTraces) -> StudyResult:
     scene = _middle_line(load_scene("sphere"))
     rows, notes = [], []
     for overfill in (1.0, PAPER_OVERFILL):
-        for rays in lab.ray_numbers:
-            pooled, single, counts = _measured(lab, scene, rays, overfill)
+        for rays in traces.ray_numbers:
+            pooled, single, counts = _measured(traces, scene, rays, overfill)
             rows.append(row(
                 f"SNR, overfill {overfill:g}, {rays:,} rays", pooled, paper=PRINTED[rays],
                 expected=_expected(scene, rays, overfill), closeness=0.5, better="higher",
@@ -33,7 +33,7 @@ def study(lab: Lab) -> Outcome:
                 f"overfill {overfill:g}, {rays:,} rays: the centre pixel alone has SNR {single:.3g} +- "
                 f"{single / np.sqrt(2 * (RUNS - 1)):.1g} and {counts:.1f} hits on average, root {counts**0.5:.3g}"
             )
-    return Outcome(tuple(rows), (
+    return StudyResult(tuple(rows), (
         f"all rays of the line's {scene.screen.pixels[1]} screen pixels traced in full; Philox, seed {SEED}, {RUNS} "
         "runs",
         f"ours: mean over standard deviation of {RUNS} runs, of the {(2 * HALF_BLOCK + 1) ** 2} pixels around the "
@@ -56,10 +56,10 @@ def _block() -> np.ndarray:
     return (CENTRE + step[:, None] * 125 + step).ravel()
 
 
-def _measured(lab: Lab, scene: Scene, rays: int, overfill: float) -> tuple[Estimate, float, float]:
+def _measured(traces: SharedTraces, scene: Scene, rays: int, overfill: float) -> tuple[Estimate, float, float]:
     """The block's ratio; the centre pixel's ratio and its mean count."""
-    done = trace(scene, device=lab.device, estimator="forward", rays_per_pixel=RUNS * rays, replicates=RUNS,
-                 seed=SEED, overfill=overfill, progress=lab.progress, keeper=lab.keeper)  # fmt: skip
+    done = trace(scene, device=traces.device, estimator="forward", rays_per_pixel=RUNS * rays, replicates=RUNS,
+                 seed=SEED, overfill=overfill, progress=traces.progress, keeper=traces.keeper)  # fmt: skip
     hits = done.counts[:, np.searchsorted(done.windows.pixels, _block())].sum((2, 3)).astype(float)
     mean, variance = hits.mean(0), hits.var(0, ddof=1)
     pooled = mean.mean() / np.sqrt(variance.mean())

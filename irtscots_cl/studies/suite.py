@@ -10,8 +10,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from irtscots_cl.report.tables import Table
-from irtscots_cl.studies.traces import Lab
-from irtscots_cl.studies.verdicts import FAILURE_CHANCE, TEST, Z_LIMIT, Outcome
+from irtscots_cl.studies.traces import SharedTraces
+from irtscots_cl.studies.verdicts import FAILURE_CHANCE, TEST, Z_LIMIT, StudyResult
 from irtscots_cl.system.atomic_files import replacing, write_text
 from irtscots_cl.system.versions import versions
 
@@ -30,7 +30,7 @@ class Finished:
 
     name: str
     title: str
-    outcome: Outcome
+    outcome: StudyResult
     seconds: float
 
 
@@ -43,20 +43,20 @@ def chosen(what: str) -> tuple[str, ...]:
     return (what,)
 
 
-def run_study(name: str, lab: Lab) -> Finished:
+def run_study(name: str, traces: SharedTraces) -> Finished:
     """Run one study."""
     module = import_module(f"irtscots_cl.studies.{STUDIES[name]}")
     started = time.perf_counter()
-    outcome = module.study(lab)
+    outcome = module.study(traces)
     return Finished(name, module.TITLE, outcome, time.perf_counter() - started)
 
 
-def facts(finished: Iterable[Finished], lab: Lab) -> dict[str, object]:
+def facts(finished: Iterable[Finished], traces: SharedTraces) -> dict[str, object]:
     """Everything but the figures as plain data."""
     return {
-        "device": lab.device.describe(),
+        "device": traces.device.describe(),
         "versions": versions(),
-        "quick": lab.quick,
+        "quick": traces.quick,
         "failure_chance": FAILURE_CHANCE,
         "limit_standard_errors": Z_LIMIT,
         "studies": [
@@ -87,15 +87,15 @@ def write_figures(folder: Path, finished: Iterable[Finished]) -> None:
                 figure.savefig(temporary, dpi=120)
 
 
-def write_documents(folder: Path, finished: list[Finished], lab: Lab) -> None:
+def write_documents(folder: Path, finished: list[Finished], traces: SharedTraces) -> None:
     """Write reproduce.md and reproduce.html beside the figures."""
     import jinja2
 
-    device, about = lab.device.describe(), versions()
+    device, about = traces.device.describe(), versions()
     for name, escape in (("reproduce.md", False), ("reproduce.html", True)):
         text = (files("irtscots_cl.report") / "templates" / name).read_text(encoding="utf-8")
         template = jinja2.Environment(autoescape=escape, trim_blocks=True, lstrip_blocks=True).from_string(text)
         page = template.render(
-            finished=finished, device=device, versions=about, quick=lab.quick, counts=counts(finished), test=TEST
+            finished=finished, device=device, versions=about, quick=traces.quick, counts=counts(finished), test=TEST
         )
         write_text(folder / name, page + "\n")

@@ -13,8 +13,8 @@ from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.measurement.methods import measure_by
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
-from irtscots_cl.studies.traces import Lab, describe
-from irtscots_cl.studies.verdicts import Outcome, exact, row
+from irtscots_cl.studies.traces import SharedTraces, describe
+from irtscots_cl.studies.verdicts import StudyResult, exact, row
 from irtscots_cl.tracing.trace import trace
 
 TITLE = "Zernike coefficients of the deviated sphere (tables 3 and 4)"
@@ -23,9 +23,9 @@ PRINTED_RMS_UM = (0.4828, 0.4827)  # of what went in, of what came out
 NOTHING_NM = 2.0  # a difference in print below which both agree
 
 
-def study(lab: Lab) -> Outcome:
-    scene, rays = load_scene("sphere-deviated"), lab.ray_numbers[-1]
-    run = lab.full(scene.name, rays)
+def study(traces: SharedTraces) -> StudyResult:
+    scene, rays = load_scene("sphere-deviated"), traces.ray_numbers[-1]
+    run = traces.full(scene.name, rays)
     found = _terms(_compared(run.stack, scene))
     # without ray noise, by the same measure: what sampling by lines, averaging over pixels and the rim leave
     noiseless = _terms(_compared(trace(scene, estimator="analytic").images(LineScan(scene)), scene))
@@ -46,7 +46,7 @@ def study(lab: Lab) -> Outcome:
                     inconsistent="as above"))  # fmt: skip
     rows.append(row("rms of table 4's own outputs [um]", exact(math.hypot(*PRINTED_UM.values())),
                     paper=PRINTED_RMS_UM[1], closeness=0.01, inconsistent="as above"))  # fmt: skip
-    return Outcome(tuple(rows), (
+    return StudyResult(tuple(rows), (
         describe(run),
         "coefficients: least squares over the mask, Noll 1 to 45 together; standard errors: jackknife over ten parts",
         "expected: the same measure on the closed form's images, without ray noise",

@@ -14,8 +14,17 @@ from irtscots_cl.measurement.methods import measure_by
 from irtscots_cl.measurement.prediction import PredictedError, predict_error
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
-from irtscots_cl.studies.traces import PAPER_RAYS, PAPER_RAYS_PER_SECOND, RUNS, SEED, Lab, Traced, describe, over_runs
-from irtscots_cl.studies.verdicts import Outcome, Row, exact, row
+from irtscots_cl.studies.traces import (
+    PAPER_RAYS,
+    PAPER_RAYS_PER_SECOND,
+    RUNS,
+    SEED,
+    SharedTrace,
+    SharedTraces,
+    describe,
+    over_runs,
+)
+from irtscots_cl.studies.verdicts import StudyResult, VerdictRow, exact, row
 from irtscots_cl.tracing.trace import trace
 
 TITLE = "Slope and height errors, rms (table 5)"
@@ -29,17 +38,17 @@ OF_TEN = "its own slopes give about three times this height: a mean of ten"
 CHEAP = {"sampler": "sobol", "smoothing": True, "rays_per_pixel": 64, "replicates": 1}
 
 
-def study(lab: Lab) -> Outcome:
-    rows: list[Row] = []
+def study(traces: SharedTraces) -> StudyResult:
+    rows: list[VerdictRow] = []
     notes: list[str] = []
     for name, printed in PRINTED.items():
         for rays, paper in zip(PAPER_RAYS, printed, strict=True):
-            if rays in lab.ray_numbers:
-                full, runs = lab.full(name, rays), lab.runs(name, rays)
+            if rays in traces.ray_numbers:
+                full, runs = traces.full(name, rays), traces.runs(name, rays)
                 rows += [*_in_full(full, rays, paper), *_single(runs, rays, paper), *_mean_of_ten(runs, rays, paper)]
                 notes += [describe(full), describe(runs)]
-    rows += _adjoint(lab)
-    return Outcome(tuple(rows), (
+    rows += _adjoint(traces)
+    return StudyResult(tuple(rows), (
         "slopes: measured less true over the mask; heights: measured less true deviation, piston and tilt removed "
         "unless said otherwise",
         "one run in full: every ray of the paper's cones traced; single run: mean of ten more runs with the same "
@@ -70,14 +79,14 @@ def _expected(predicted: PredictedError) -> tuple[float, float, float]:
     return 1e6 * x, 1e6 * y, 1e6 * predicted.height_mm
 
 
-def _in_full(full: Traced, rays: int, paper) -> Iterator[Row]:
+def _in_full(full: SharedTrace, rays: int, paper) -> Iterator[VerdictRow]:
     found = _errors(full.stack, full.scene)
     expected = _expected(_predicted(full.stack, full.scene))[2]
     yield row(f"{full.scene.name}, {rays:,} rays, one run in full: height [nm]", found[2], paper=paper[2],
               expected=expected, allowed=SMALL * expected, closeness=STATISTICS, inconsistent=OF_TEN)  # fmt: skip
 
 
-def _single(runs: Traced, rays: int, paper) -> Iterator[Row]:
+def _single(runs: SharedTrace, rays: int, paper) -> Iterator[VerdictRow]:
     found = [_errors(runs.single(k), runs.scene) for k in range(RUNS)]
     values = np.array([[e.value for e in errors] for errors in found])
     expectations = _expected(_predicted(runs.single(0), runs.scene))
@@ -88,7 +97,7 @@ def _single(runs: Traced, rays: int, paper) -> Iterator[Row]:
                   allowed=SMALL * expected, closeness=STATISTICS, inconsistent=OF_TEN if k == 2 else "")  # fmt: skip
 
 
-def _mean_of_ten(runs: Traced, rays: int, paper) -> Iterator[Row]:
+def _mean_of_ten(runs: SharedTrace, rays: int, paper) -> Iterator[VerdictRow]:
     found, predicted = _errors(runs.stack, runs.scene), _predicted(runs.stack, runs.scene)
     expected, floor = _expected(predicted)[2], 1e6 * predicted.line_sampling_height_mm
     how = {"paper": paper[2], "closeness": STATISTICS, "inconsistent": _below(paper[2], floor)}
@@ -101,25 +110,27 @@ def _below(paper: float, floor: float) -> str:
     return f"sampling by lines alone leaves {floor:.2f} nm at any number of rays" if paper < floor else ""
 
 
-def _adjoint(lab: Lab) -> Iterator[Row]:
+def _adjoint(traces: SharedTraces) -> Iterator[VerdictRow]:
     """The adjoint estimator with as many rays in all as the paper's largest run, and with ever fewer."""
     scene = load_scene("sphere-deviated")
     light = trace(scene, estimator="analytic")
     pixels = len(light.windows.pixels)
     floor = 1e6 * _predicted(light.images(LineScan(scene)), scene).line_sampling_height_mm
-    for rays in lab.ray_numbers:
+    for rays in traces.ray_numbers:
         per_pixel = rays * int(np.prod(scene.screen.pixels)) // pixels
-        yield from _by(lab, scene, f"adjoint, {per_pixel:,} rays per pixel", rays,
+        yield from _by(traces, scene, f"adjoint, {per_pixel:,} rays per pixel", rays,
                        {"rays_per_pixel": per_pixel, "replicates": RUNS}, "paper", floor)  # fmt: skip
     for measure in ("paper", "fine", "refined"):
-        yield from _by(lab, scene, f"adjoint, smoothed, 64 rays per pixel, --measure {measure}", PAPER_RAYS[-1], CHEAP,
-                       measure, floor)  # fmt: skip
+        yield from _by(traces, scene, f"adjoint, smoothed, 64 rays per pixel, --measure {measure}", PAPER_RAYS[-1],
+                       CHEAP, measure, floor)  # fmt: skip
 
 
-def _by(lab: Lab, scene: Scene, how: str, rays: int, options: dict, measure: str, floor: float) -> Iterator[Row]:
+def _by(
+    traces: SharedTraces, scene: Scene, how: str, rays: int, options: dict, measure: str, floor: float
+) -> Iterator[VerdictRow]:
     """Height error and seconds of an adjoint run, beside the paper's run with so many rays per screen pixel."""
-    done = trace(scene, device=lab.device, estimator="adjoint", seed=SEED, progress=lab.progress, keeper=lab.keeper,
-                 **options)  # fmt: skip
+    done = trace(scene, device=traces.device, estimator="adjoint", seed=SEED, progress=traces.progress,
+                 keeper=traces.keeper, **options)  # fmt: skip
     stack, paper = done.images(LineScan(scene)), PRINTED["sphere-deviated"][PAPER_RAYS.index(rays)][2]
     reason = _below(paper, floor) if measure == "paper" else ""
     yield row(f"{scene.name}, {how}, {done.rays_total:.2g} rays: height [nm]", _errors(stack, scene, measure)[2],

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irtscots_cl.execution.checkpoint import Keeper
+from irtscots_cl.execution.checkpoint import Checkpoints
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.statistics import Estimate
@@ -27,7 +27,7 @@ SEEDS = {"sphere": 1, "sphere-deviated": 2, "off-axis": 3}  # different, so that
 
 
 @dataclass(frozen=True)
-class Traced:
+class SharedTrace:
     """What is kept of a trace. Its replicates are the runs of `runs`, or the parts of one run of `full`.
 
     seconds: build, trace, kernels. rays: traced in all. equivalent: that a full emission would have needed for it.
@@ -44,7 +44,7 @@ class Traced:
         return self.stack.replicate(run)
 
 
-class Lab:
+class SharedTraces:
     """Traces for the studies. quick: without the paper's largest ray number, and a hundredth of the off-axis case's.
 
     progress(done, total): called after each launch with ray numbers. keeper: of all traces.
@@ -55,24 +55,24 @@ class Lab:
         device: Device,
         quick: bool = False,
         progress: Callable[[int, int], None] | None = None,
-        keeper: Keeper | None = None,
+        keeper: Checkpoints | None = None,
     ):
         self.device, self.quick, self.progress, self.keeper = device, quick, progress, keeper
         self.ray_numbers = PAPER_RAYS[:2] if quick else PAPER_RAYS
-        self._kept: dict[tuple, Traced] = {}
+        self._kept: dict[tuple, SharedTrace] = {}
 
-    def full(self, name: str, rays: int) -> Traced:
+    def full(self, name: str, rays: int) -> SharedTrace:
         """One run of the paper's forward estimator, every ray of its overfilled cones traced; in RUNS parts."""
         return self._trace(name, rays, "mirror", 1.0)
 
-    def runs(self, name: str, rays: int) -> Traced:
+    def runs(self, name: str, rays: int) -> SharedTrace:
         """RUNS runs of so many rays per screen pixel each, with the statistics of `full`, at a fraction of its rays.
 
         Rays leave only towards what the camera sees of the mirror (aiming.py); each weighs what one of `full` weighs.
         """
         return self._trace(name, RUNS * rays, "camera", camera_aim(load_scene(name)).share)
 
-    def _trace(self, name: str, rays: int, aim: str, share: float) -> Traced:
+    def _trace(self, name: str, rays: int, aim: str, share: float) -> SharedTrace:
         key = (name, rays, aim)
         if key not in self._kept:
             scene = load_scene(name)
@@ -82,7 +82,9 @@ class Lab:
                          seed=SEEDS[name], aim=aim, overfill=overfill, progress=self.progress,
                          keeper=self.keeper)  # fmt: skip
             pixels = int(np.prod(scene.screen.pixels))
-            self._kept[key] = Traced(scene, done.images(LineScan(scene)), done.rays_total, rays * pixels, done.seconds)
+            self._kept[key] = SharedTrace(
+                scene, done.images(LineScan(scene)), done.rays_total, rays * pixels, done.seconds
+            )
         return self._kept[key]
 
 
@@ -101,7 +103,7 @@ def light_curve(stack: ImageStack, axis: str, pixel: int) -> tuple[np.ndarray, n
     return scan.positions_mm[lines[inside]], scan.flux_w[:, n, inside]
 
 
-def describe(traced: Traced) -> str:
+def describe(traced: SharedTrace) -> str:
     """Rays and seed of a trace, for a study's notes."""
     saved = "" if traced.rays == traced.equivalent else f", standing for {traced.equivalent:,} in the paper's cones"
     return f"{traced.scene.name}: {traced.rays:,} forward rays, Philox, seed {SEEDS[traced.scene.name]}{saved}"

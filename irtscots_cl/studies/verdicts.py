@@ -24,7 +24,7 @@ HEAD = ("quantity", "paper", "expected", "ours", "verdict", "because")
 
 
 @dataclass(frozen=True)
-class Row:
+class VerdictRow:
     """One line of a study's table. quantity: with its unit; paper, expected: NaN where there is none."""
 
     quantity: str
@@ -40,10 +40,10 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class StudyResult:
     """Result of a study. notes: definitions, seeds, ray numbers, one line each. figures: by file name."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[VerdictRow, ...]
     notes: tuple[str, ...] = ()
     figures: dict[str, Figure] = field(default_factory=dict)
 
@@ -65,7 +65,7 @@ def row(
     closeness: float = 0.1,
     better: str = "",
     inconsistent: str = "",
-) -> Row:
+) -> VerdictRow:
     """A row with its verdict.
 
     First, ours is tested against theory: they may differ by `allowed` (what theory leaves out, as the study's notes
@@ -80,11 +80,11 @@ def row(
         off = abs(ours.value - expected)
         with_theory = _test_text(off, allowed, error)
         if not off <= allowed + Z_LIMIT * error + ROUNDING * abs(expected):
-            return Row(quantity, paper, expected, ours, DIFFERS, with_theory)
+            return VerdictRow(quantity, paper, expected, ours, DIFFERS, with_theory)
     if not math.isfinite(paper):
-        return Row(quantity, paper, expected, ours, AGREES if with_theory else ALONE, with_theory)
+        return VerdictRow(quantity, paper, expected, ours, AGREES if with_theory else ALONE, with_theory)
     verdict, reason = _beside_paper(ours.value, error, paper, closeness, better, inconsistent)
-    return Row(quantity, paper, expected, ours, verdict, f"{reason}; {with_theory}" if with_theory else reason)
+    return VerdictRow(quantity, paper, expected, ours, verdict, f"{reason}; {with_theory}" if with_theory else reason)
 
 
 def _beside_paper(ours: float, error: float, paper: float, closeness: float, better: str, inconsistent: str):

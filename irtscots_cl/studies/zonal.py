@@ -11,8 +11,8 @@ from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import curves
-from irtscots_cl.studies.traces import Lab
-from irtscots_cl.studies.verdicts import Outcome, Row, exact, row
+from irtscots_cl.studies.traces import SharedTraces
+from irtscots_cl.studies.verdicts import StudyResult, VerdictRow, exact, row
 
 TITLE = "Error of integration on exact slopes (section 4)"
 POINTS = (31, 63, 125, 250)  # across the aperture, on a regular grid
@@ -20,11 +20,11 @@ PAPER_POINTS, PRINTED_NM = 125, 0.17
 KEPT = {"piston_tilt": "with power", "piston_tilt_power": "without power"}
 
 
-def study(lab: Lab) -> Outcome:
-    errors = {(points, *key): value for points in (POINTS[:3] if lab.quick else POINTS)
+def study(traces: SharedTraces) -> StudyResult:
+    errors = {(points, *key): value for points in (POINTS[:3] if traces.quick else POINTS)
               for key, value in _errors(points)}  # fmt: skip
     by_method = sorted(errors, key=lambda key: (key[1] == "deviation", METHODS.index(key[2]), key[3]))
-    return Outcome(tuple(_row(*key, errors[key]) for key in by_method), (
+    return StudyResult(tuple(_row(*key, errors[key]) for key in by_method), (
         "exact slopes on a regular grid of so many points across the aperture; piston and tilt removed, power kept or "
         "removed; no rays, no seed",
         "expected: the trapezoids' h^2 r^2 / (8 R^3) on a sphere, which is power; measurements do not have it, since "
@@ -50,7 +50,7 @@ def _errors(points: int) -> Iterator[tuple[tuple[str, str, str], float]]:
                 yield (shape, method, terms), 1e6 * rms(remove_terms(x, y, error, mask, terms), mask)
 
 
-def _row(points: int, shape: str, method: str, terms: str, value: float) -> Row:
+def _row(points: int, shape: str, method: str, terms: str, value: float) -> VerdictRow:
     quantity = f"{shape}, {method}, {points} points, {KEPT[terms]} [nm]"
     trapezoids = shape == "ideal sphere" and method == "southwell"
     if trapezoids and terms == "piston_tilt":

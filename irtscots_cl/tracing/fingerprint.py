@@ -6,19 +6,19 @@ from dataclasses import asdict
 
 import numpy as np
 
-from irtscots_cl.execution.checkpoint_file import Facts, hash_of
+from irtscots_cl.execution.checkpoint_file import Fingerprint, hash_of
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system.versions import package_version
 from irtscots_cl.tracing.options import TraceOptions
 
 
-def trace_facts(
-    scene: Scene, options: TraceOptions, rays: np.ndarray, about: dict[str, str], **more: int | float
-) -> Facts:
+def trace_fingerprint(
+    scene: Scene, options: TraceOptions, rays: np.ndarray, device_identity: dict[str, str], **more: int | float
+) -> Fingerprint:
     """What a trace of rays [replicates] per stream depends on, as far as it is known before its kernel is built.
 
     about: {"device", "driver"}: their names.
     """
     facts = {"scene": hash_of(scene.to_toml().encode())} | asdict(options)
     numbers = {"rays_per_pixel": int(rays.sum()), "replicates": len(rays)}
-    return facts | more | numbers | {**about, "version": package_version()}
+    return facts | more | numbers | {**device_identity, "version": package_version()}

@@ -43,13 +43,13 @@ def philox4x32_10(counter: np.ndarray, key: tuple[int, int]) -> np.ndarray:
     return np.stack([c0, c1, c2, c3], -1).astype(np.uint32)
 
 
-def sample_words(sampler: str, seed: int, stream: int, replicate: int, rays: np.ndarray) -> np.ndarray:
+def sample_words(sampler: str, seed: int, source: int, replicate: int, rays: np.ndarray) -> np.ndarray:
     """NumPy twin of kernels/random/sampler_*.cl: the words [n, 4] uint32 of rays [n] (64-bit numbers) of a stream.
 
     sampler: one of SAMPLERS. seed: 64 bits; stream, replicate: 32 bits.
     """
     words = {"philox": _philox_words, "sobol": _sobol_words, "lattice": _lattice_words}[sampler]
-    return words(seed, stream, replicate, np.asarray(rays, np.uint64))
+    return words(seed, source, replicate, np.asarray(rays, np.uint64))
 
 
 def sobol_directions() -> np.ndarray:
@@ -88,22 +88,22 @@ def owen_scramble(points: np.ndarray, seeds: np.ndarray) -> np.ndarray:
     return _reverse_bits(x)
 
 
-def _philox_words(seed: int, stream: int, replicate: int, rays: np.ndarray) -> np.ndarray:
-    return _philox(seed, rays & _LOW, rays >> _HALF, stream, replicate)
+def _philox_words(seed: int, source: int, replicate: int, rays: np.ndarray) -> np.ndarray:
+    return _philox(seed, rays & _LOW, rays >> _HALF, source, replicate)
 
 
-def _sobol_words(seed: int, stream: int, replicate: int, rays: np.ndarray) -> np.ndarray:
-    return owen_scramble(sobol_points(rays), _sampler_seeds(seed, stream, replicate, rays >> _HALF))
+def _sobol_words(seed: int, source: int, replicate: int, rays: np.ndarray) -> np.ndarray:
+    return owen_scramble(sobol_points(rays), _sampler_seeds(seed, source, replicate, rays >> _HALF))
 
 
-def _lattice_words(seed: int, stream: int, replicate: int, rays: np.ndarray) -> np.ndarray:
-    shift = _sampler_seeds(seed, stream, replicate, np.zeros(1, np.uint64))
+def _lattice_words(seed: int, source: int, replicate: int, rays: np.ndarray) -> np.ndarray:
+    shift = _sampler_seeds(seed, source, replicate, np.zeros(1, np.uint64))
     return (rays[:, None] * _LATTICE_STEPS >> _HALF).astype(np.uint32) + shift  # both modulo their word
 
 
-def _sampler_seeds(seed: int, stream: int, replicate: int, runs: np.ndarray) -> np.ndarray:
+def _sampler_seeds(seed: int, source: int, replicate: int, runs: np.ndarray) -> np.ndarray:
     """Twin of kernels/random/seeds.cl: words [n, 4] that the runs [n] of 2^32 rays of a stream are randomised with."""
-    return _philox(seed, runs, _LOW, stream, replicate)
+    return _philox(seed, runs, _LOW, source, replicate)
 
 
 def _philox(seed: int, *counter) -> np.ndarray:

@@ -7,19 +7,19 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from irtscots_cl.execution.checkpoint import Keeper
+from irtscots_cl.execution.checkpoint import Checkpoints
 from irtscots_cl.execution.launch_plan import share_rays
-from irtscots_cl.execution.select import site_of
+from irtscots_cl.execution.select import executor_of
 from irtscots_cl.opencl.device import Device
-from irtscots_cl.optics.chief_rays import calibrate, check_visible
+from irtscots_cl.optics.chief_rays import check_visible, chief_rays
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system.memory import check_memory
 from irtscots_cl.tracing.estimators.analytic import trace_analytic
-from irtscots_cl.tracing.estimators.nonsequential import LEAST_CHANCE, PILOT_RAYS, PathWork
-from irtscots_cl.tracing.estimators.path_sums import Kept
+from irtscots_cl.tracing.estimators.nonsequential import MIN_CHANCE, PILOT_RAYS, PathWork
+from irtscots_cl.tracing.estimators.path_sums import TrackedPaths
 from irtscots_cl.tracing.estimators.sequential import trace_rays
-from irtscots_cl.tracing.fingerprint import trace_facts
+from irtscots_cl.tracing.fingerprint import trace_fingerprint
 from irtscots_cl.tracing.options import (
     ANALYTIC,
     BRANCHES,
@@ -48,7 +48,7 @@ def trace(
     smoothing: bool = False,
     progress: Callable[[int, int], None] | None = None,
     launch_rays: int | None = None,
-    keeper: Keeper | None = None,
+    keeper: Checkpoints | None = None,
     finished: Callable[[Transport | LineLight | PathLight], None] | None = None,
 ) -> Transport | LineLight | PathLight:
     """Trace rays_per_pixel rays per screen pixel (forward) or per detector pixel (adjoint).
@@ -80,10 +80,12 @@ def trace(
         raise ValueError(
             f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 for each replicate"
         )
-    check_visible(calibrate(scene), f"scene {scene.name}")
-    site = site_of(device, client)
-    kept = None if keeper is None else keeper.file_of(trace_facts(scene, options, rays, site.about()))
-    return trace_rays(scene, site, options, rays, progress, launch_rays, kept, finished)
+    check_visible(chief_rays(scene), f"scene {scene.name}")
+    executor = executor_of(device, client)
+    tracked = (
+        None if keeper is None else keeper.file_of(trace_fingerprint(scene, options, rays, executor.device_identity()))
+    )
+    return trace_rays(scene, executor, options, rays, progress, launch_rays, tracked, finished)
 
 
 def trace_paths(
@@ -98,11 +100,11 @@ def trace_paths(
     seed: int = 1,
     overfill: float = 1.0,
     bounce_limit: int = MAX_EVENTS,
-    least_chance: float = LEAST_CHANCE,
+    least_chance: float = MIN_CHANCE,
     branches: str = "roulette",
     aimed_scatter: bool = True,
     progress: Callable[[int, int], None] | None = None,
-    keeper: Keeper | None = None,
+    keeper: Checkpoints | None = None,
     finished: Callable[[PathLight], None] | None = None,
 ) -> PathLight:
     """Trace rays_per_pixel rays per screen pixel, aimed at the mirror, from element to element to their ends.
@@ -124,23 +126,27 @@ def trace_paths(
     how = {"bounce_limit": bounce_limit, "least_chance": least_chance, "branches": branches,
            "aimed_scatter": aimed_scatter}  # fmt: skip
     started = time.perf_counter()
-    work, site = PathWork(scene, options, **how), site_of(device, client)
+    work, executor = PathWork(scene, options, **how), executor_of(device, client)
     size = 2 * 8 * len(rays) * int(np.prod(work.sums_shapes[0]))  # as whole numbers and in watts
     check_memory(f"scene {scene.name}: images of {len(rays)} replicates", size)
-    work = work.keeping(Kept(*map(tuple, site.call(find_paths, work.wire()))))
-    if not work.kept.codes:
+    work = work.tracking(TrackedPaths(*map(tuple, executor.call(find_paths, work.to_json()))))
+    if not work.tracked.codes:
         raise SceneError(
             f"scene {scene.name}: detector: no path from the screen reaches it; must be reached by one of "
-            f"{max(PILOT_RAYS // work.streams, 16) * work.streams} rays that look for paths"
+            f"{max(PILOT_RAYS // work.sources, 16) * work.sources} rays that look for paths"
         )
     found = time.perf_counter() - started
-    file = None if keeper is None else keeper.file_of(trace_facts(scene, options, rays, site.about(), **how))
+    file = (
+        None
+        if keeper is None
+        else keeper.file_of(trace_fingerprint(scene, options, rays, executor.device_identity(), **how))
+    )
 
     def so_far(sums: tuple[np.ndarray, ...]) -> None:
         seconds = {"build": found, "trace": 0.0, "kernels": 0.0}
-        finished(work.result(*sums, rays[: len(sums[0])], site.describe(), seconds))
+        finished(work.result(*sums, rays[: len(sums[0])], executor.describe(), seconds))
 
-    ran = site.run(work, rays, progress, kept=file, finished=None if finished is None else so_far)
+    ran = executor.run(work, rays, progress, kept=file, finished=None if finished is None else so_far)
     before = {"build": found} | ({} if file is None else file.seconds)
     seconds = {name: ran.seconds[name] + before.get(name, 0.0) for name in ran.seconds}
     return work.result(*ran.sums, rays, ran.device, seconds)
@@ -148,5 +154,5 @@ def trace_paths(
 
 def find_paths(device: Device, wire: str) -> tuple[list[int], list[float]]:
     """PathTracer.find on a device, of PathSums.wire, in plain lists."""
-    kept = PathWork.from_wire(wire).build(device).find()
-    return list(kept.codes), list(kept.weights)
+    tracked = PathWork.from_json(wire).build(device).find()
+    return list(tracked.codes), list(tracked.weights)

@@ -1,5 +1,5 @@
 // Accumulation straight into global memory by atomics: for GPUs, where thousands of work-items are under way and none can
-// own a tile; and for CPUs where a tile would be too large, or too large for the rays of a stream. The same verbs as accumulate_tile.cl, the same sums bit for bit.
+// own a tile; and for CPUs where a tile would be too large, or too large for the rays of a source. The same verbs as accumulate_tile.cl, the same sums bit for bit.
 #include "window.cl"
 
 INLINE void hits_begin(Hits *hits) {}

@@ -1,12 +1,12 @@
-// Where light is stored: the transport map's windows, bins [slot, window row, window column], and the ledger.
-// A slot is a detector pixel that can see the mirror; its window covers the screen pixels that can light it.
+// Where light is stored: the transport map's windows, bins [visible_pixel, window row, window column], and the ledger.
+// A visible_pixel is a detector pixel that can see the mirror; its window covers the screen pixels that can light it.
 #include "sum64.cl"
 
 // Forward: what one screen pixel sends, on its way into the windows of the detector pixels that it hits.
 typedef struct {
     const Launch *launch;
-    __global const int *slots;            // [detector pixels] slot, or -1: the pixel cannot see the mirror
-    __global const int2 *origins;         // [slots] first screen column and row of the window
+    __global const int *visible_pixels;            // [detector pixels] visible_pixel, or -1: the pixel cannot see the mirror
+    __global const int2 *origins;         // [visible_pixels] first screen column and row of the window
     __global uint *transport;             // 64-bit sums
     __global uint *ledger;                // 64-bit sums
     __local uint *tile;                   // [detector pixels], where the accumulation keeps one
@@ -16,18 +16,18 @@ typedef struct {
 // Adds count hits of a detector pixel to its window. Light outside the window is counted as such: the host turns a
 // count other than zero into an error or larger windows.
 INLINE void hits_store(const Hits *hits, int pixel, uint count) {
-    const int slot = hits->slots[pixel], columns = hits->launch->window_columns, rows = hits->launch->window_rows;
-    const int2 origin = slot < 0 ? (int2)(0) : hits->origins[slot];
+    const int visible_pixel = hits->visible_pixels[pixel], columns = hits->launch->window_columns, rows = hits->launch->window_rows;
+    const int2 origin = visible_pixel < 0 ? (int2)(0) : hits->origins[visible_pixel];
     const int x = hits->column - origin.x, y = hits->row - origin.y;
-    if (slot >= 0 && x >= 0 && x < columns && y >= 0 && y < rows)
-        sum64_add(hits->transport, ((size_t)slot * rows + y) * columns + x, count);
+    if (visible_pixel >= 0 && x >= 0 && x < columns && y >= 0 && y < rows)
+        sum64_add(hits->transport, ((size_t)visible_pixel * rows + y) * columns + x, count);
     else
         sum64_add(hits->ledger, FATE_OFF_WINDOW, count);
 }
 
 // Adjoint: what one detector pixel receives. Its bins are the window's, then one for each fate.
 typedef struct {
-    __global uint *window;                // 64-bit sums: this slot's window in the transport
+    __global uint *window;                // 64-bit sums: this visible_pixel's window in the transport
     __global uint *ledger;                // 64-bit sums
     __local ulong *tile;                  // [bins], where the accumulation keeps one
     int window_bins, bins;

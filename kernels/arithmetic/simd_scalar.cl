@@ -16,7 +16,7 @@ typedef uint wordv;
 
 #define BLOCK 1                           // nothing to compact: a work-item bins each ray at once
 #define BLOCK_VECTORS 1
-#define SPAWN_BLOCKS 16                    // that a ray can leave waiting
+#define STACK_BLOCKS 16                    // that a ray can leave waiting
 
 #define to_real(v) ((real)(v))
 #define to_int(v) ((int)(v))

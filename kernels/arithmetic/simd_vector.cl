@@ -34,7 +34,7 @@ __constant uint lane_numbers[16] __attribute__((aligned(64))) = {0, 1, 2, 3, 4, 
 INLINE uintv lane_index(void) { return *(__constant uintv *)lane_numbers; }
 INLINE wordv word_index(void) { return *(__constant wordv *)lane_numbers; }
 
-#define SPAWN_BLOCKS 8   // that a block of rays can leave waiting (ray_stack_list.cl)
+#define STACK_BLOCKS 8   // that a block of rays can leave waiting (ray_stack_list.cl)
 
 // Correctly rounded square root: one hardware instruction per register once the compiler has joined the lanes.
 INLINE realv real_sqrt(realv x) {

@@ -1,4 +1,4 @@
-// A ray at an interface is reflected or refracted by chance; the weight makes up for a chance that is not the reflectance
+// A ray at an interface is reflected or refracted by probability; the weight makes up for a probability that is not the reflectance
 // itself.
 #include "interaction.cl"
 #include "uniform.cl"
@@ -6,12 +6,12 @@
 INLINE void roulette(__constant Element *element, Interaction *at, realv reflectance, vec3v refracted) {
     const realv least = element->least_chance;
     // not of what is wholly one or the other: the weight would be nothing
-    realv chance = reflectance < least ? (realv)(least) : reflectance;
-    chance = ((chance > 1 - least) & (reflectance < 1)) ? (realv)(1 - least) : chance;
-    chance = reflectance == 0 ? (realv)(0) : chance;
-    const maskv reflects = uniform_open(at->draw) < chance;
-    const realv pass = chance < 1 ? (1 - reflectance) / (1 - chance) : (realv)(0);
-    at->weight = reflects ? reflectance / chance : pass;
+    realv probability = reflectance < least ? (realv)(least) : reflectance;
+    probability = ((probability > 1 - least) & (reflectance < 1)) ? (realv)(1 - least) : probability;
+    probability = reflectance == 0 ? (realv)(0) : probability;
+    const maskv reflects = uniform_open(at->draw) < probability;
+    const realv pass = probability < 1 ? (1 - reflectance) / (1 - probability) : (realv)(0);
+    at->weight = reflects ? reflectance / probability : pass;
     at->goes = blend3(reflects, mirrored(at->along, at->normal), refracted);
     at->event = to_int(reflects) != 0 ? (intv)(EVENT_GHOST) : at->event;
 }

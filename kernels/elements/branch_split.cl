@@ -1,12 +1,12 @@
 // Both branches of a ray at an interface are followed, as long as the weaker one weighs enough and not too many rays wait
-// already; then one, by chance.
+// already; then one, by probability.
 #include "branch.cl"
 
 INLINE void branch(__constant Element *element, Interaction *at, realv reflectance, vec3v refracted) {
     const realv weaker = reflectance < (realv)(0.5) ? reflectance : 1 - reflectance;
-    const maskv both = (weaker * at->arriving > element->least_weight) & to_mask(at->room > 0);
+    const maskv both = (weaker * at->arriving > element->min_weight) & to_mask(at->room > 0);
     roulette(element, at, reflectance, refracted);
-    at->parts = both ? reflectance : (realv)(0);
+    at->split = both ? reflectance : (realv)(0);
     at->weight = both ? 1 - reflectance : at->weight;
     at->goes = blend3(both, refracted, at->goes);
     at->event = to_int(both) != 0 ? (intv)(EVENT_NOMINAL) : at->event;

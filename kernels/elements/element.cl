@@ -59,7 +59,7 @@ INLINE maskv element_contains(__constant Element *element, realv u, realv v) {
 
 // Steps below which a crossing is where the ray stands: the rounding of the numbers that it is taken from.
 INLINE realv element_bound(const Rays *rays, int v, const Offset *offset) {
-    return (real)ROUNDING * (rays->reach[v] + offset->size);
+    return (real)ROUNDING * (rays->l1_norm[v] + offset->size);
 }
 
 // Takes the step to an element if it is nearer than the nearest so far, in front of the ray, and not excluded.

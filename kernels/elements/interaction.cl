@@ -7,7 +7,7 @@
 // what happens. ends: it goes no further. draw: a random word.
 typedef struct {
     vec3v point, normal, along, goes;
-    realv arriving, weight, absorbed, parts;
+    realv arriving, weight, absorbed, split;
     intv event, room;
     maskv ends;
     uintv draw;

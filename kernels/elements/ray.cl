@@ -5,9 +5,9 @@
 
 // All fields of a ray: type of one lane, name. weight: share of the flux that it was emitted with. path: six bits per
 // event, the first in the highest place (path_push). key: its random word. last: the element that it stands on, or -1;
-// before: the one that it stood on before, where the two touch, else -1. reach: |x| + |y| + |z|.
+// before: the one that it stood on before, where the two touch, else -1. l1_norm: |x| + |y| + |z|.
 #define RAY_FIELDS(DO) \
-    DO(real, x) DO(real, y) DO(real, z) DO(real, dx) DO(real, dy) DO(real, dz) DO(real, weight) DO(real, reach) \
+    DO(real, x) DO(real, y) DO(real, z) DO(real, dx) DO(real, dy) DO(real, dz) DO(real, weight) DO(real, l1_norm) \
     DO(uint, path_low) DO(uint, path_high) DO(uint, key) DO(int, group) DO(int, last) DO(int, before) DO(int, bounces)
 
 #define realV realv
@@ -36,7 +36,7 @@ INLINE void path_push(uintv *low, uintv *high, uintv digit) {
 }
 
 // A random word for a named use at this point of a ray's path: a hash of both (the finalizer of MurmurHash3), so a pure
-// function of seed, replicate, stream, ray and path.
+// function of seed, replicate, source, ray and path.
 INLINE uintv path_word(uintv key, uintv path_low, uintv path_high, uint use) {
     uintv word = key + path_low * 0x9E3779B1u + path_high * 0x85EBCA77u + use * 0xC2B2AE3Du;
     word = (word ^ word >> 16) * 0x85ebca6bu;
@@ -45,4 +45,4 @@ INLINE uintv path_word(uintv key, uintv path_low, uintv path_high, uint use) {
 }
 
 INLINE realv magnitude(realv x) { return x < 0 ? -x : x; }
-INLINE realv reach_of(realv x, realv y, realv z) { return magnitude(x) + magnitude(y) + magnitude(z); }
+INLINE realv l1_norm_of(realv x, realv y, realv z) { return magnitude(x) + magnitude(y) + magnitude(z); }

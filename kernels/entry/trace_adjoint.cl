@@ -1,4 +1,4 @@
-// Adjoint estimator: rays leave a detector pixel through the aperture and are summed where they reach the screen.
+// Adjoint estimator: rays leave a detector pixel through the aperture and are summed where they l1_norm the screen.
 #include "path_adjoint.cl"
 #include "accumulate_*.cl"
 
@@ -46,17 +46,17 @@ INLINE void block_trace(Block *block, __constant Scene *scene, const Launch *lau
     }
 }
 
-// Parameters: receivers [slots]; transport, ledger: 64-bit sums.
-// Grid: (slots of this launch, parts of its rays). A work-item traces rays_per_item rays of one detector pixel.
+// Parameters: receivers [visible_pixels]; transport, ledger: 64-bit sums.
+// Grid: (visible_pixels of this launch, parts of its rays). A work-item traces rays_per_item rays of one detector pixel.
 // Assumes: transport and ledger zeroed before the replicate's first launch; windows lie inside the screen.
 __kernel void trace_adjoint(__constant Scene *scene, const Launch launch, __global const Receiver *receivers,
                             __global uint *transport, __global uint *ledger, __local ulong *tile) {
-    const uint slot = launch.first_stream + get_global_id(0);
+    const uint visible_pixel = launch.first_source + get_global_id(0);
     const ulong begin = launch.first_ray + get_global_id(1) * launch.rays_per_item;
     const ulong end = min(begin + launch.rays_per_item, launch.first_ray + launch.ray_count);
-    const Receiver receiver = receivers[slot];
+    const Receiver receiver = receivers[visible_pixel];
     const int window_bins = launch.window_columns * launch.window_rows;
-    Light light = {transport + 2 * (size_t)slot * window_bins, ledger, tile, window_bins, window_bins + FATE_COUNT};
+    Light light = {transport + 2 * (size_t)visible_pixel * window_bins, ledger, tile, window_bins, window_bins + FATE_COUNT};
     Sampler sampler;
     sampler_begin(&sampler, &launch, receiver.pixel);
     Block block;

@@ -52,20 +52,20 @@ INLINE uint block_detect(const Block *block, __constant Scene *scene, Hits *hits
     return detected;
 }
 
-// Parameters: emitters [screen pixels]; slots [detector pixels]; origins [slots]; transport, ledger: 64-bit sums.
+// Parameters: emitters [screen pixels]; visible_pixels [detector pixels]; origins [visible_pixels]; transport, ledger: 64-bit sums.
 // Grid: (screen pixels of this launch, parts of its rays). A work-item traces rays_per_item rays of one screen pixel.
 // Assumes: transport and ledger zeroed before the replicate's first launch.
 __kernel void trace_forward(__constant Scene *scene, const Launch launch, __global const Emitter *emitters,
-                            __global const int *slots, __global const int2 *origins, __global uint *transport,
+                            __global const int *visible_pixels, __global const int2 *origins, __global uint *transport,
                             __global uint *ledger, __local uint *tile) {
-    const uint stream = launch.first_stream + get_global_id(0);
+    const uint source = launch.first_source + get_global_id(0);
     const ulong begin = launch.first_ray + get_global_id(1) * launch.rays_per_item;
     const ulong end = min(begin + launch.rays_per_item, launch.first_ray + launch.ray_count);
-    const Emitter emitter = emitters[stream];
-    Hits hits = {&launch, slots, origins, transport, ledger, tile,
-                 stream % launch.screen_columns, stream / launch.screen_columns};
+    const Emitter emitter = emitters[source];
+    Hits hits = {&launch, visible_pixels, origins, transport, ledger, tile,
+                 source % launch.screen_columns, source / launch.screen_columns};
     Sampler sampler;
-    sampler_begin(&sampler, &launch, stream);
+    sampler_begin(&sampler, &launch, source);
     Block block;
     block.on_mirror = block.clipped = 0;
     uint detected = 0, off_detector = 0;

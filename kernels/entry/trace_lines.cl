@@ -64,18 +64,18 @@ INLINE void ramp_add(Light *light, const Ramp *ramps, int j, int first) {
     }
 }
 
-// Parameters: receivers [slots]; transport: 64-bit sums [slots][window columns + 2 + window rows + 2], second differences
+// Parameters: receivers [visible_pixels]; transport: 64-bit sums [visible_pixels][window columns + 2 + window rows + 2], second differences
 // of the light below each line's edge, along x then along y; ledger: 64-bit sums.
-// Grid: (slots of this launch, parts of its rays). A work-item traces rays_per_item rays of one detector pixel.
+// Grid: (visible_pixels of this launch, parts of its rays). A work-item traces rays_per_item rays of one detector pixel.
 // Assumes: transport and ledger zeroed before the replicate's first launch; windows lie inside the screen.
 __kernel void trace_lines(__constant Scene *scene, const Launch launch, __global const LineReceiver *receivers,
                           __global uint *transport, __global uint *ledger, __local ulong *tile) {
-    const uint slot = launch.first_stream + get_global_id(0);
+    const uint visible_pixel = launch.first_source + get_global_id(0);
     const ulong begin = launch.first_ray + get_global_id(1) * launch.rays_per_item;
     const ulong end = min(begin + launch.rays_per_item, launch.first_ray + launch.ray_count);
-    const LineReceiver receiver = receivers[slot];
+    const LineReceiver receiver = receivers[visible_pixel];
     const int of_x = launch.window_columns + 2, bins = of_x + launch.window_rows + 2;
-    Light light = {transport + 2 * (size_t)slot * bins, ledger, tile, bins, bins + FATE_COUNT};
+    Light light = {transport + 2 * (size_t)visible_pixel * bins, ledger, tile, bins, bins + FATE_COUNT};
     Sampler sampler;
     sampler_begin(&sampler, &launch, receiver.start.pixel);
     Block block;

@@ -21,7 +21,7 @@ INLINE void emit(const Trace *trace, const Emitter *emitter, const Words *words,
         rays->dx[v] = screen->axis_x[0] * aim.l + screen->axis_y[0] * aim.m + screen->axis_z[0] * n;
         rays->dy[v] = screen->axis_y[1] * aim.m + screen->axis_z[1] * n;
         rays->dz[v] = screen->axis_x[2] * aim.l + screen->axis_y[2] * aim.m + screen->axis_z[2] * n;
-        rays->reach[v] = reach_of(rays->x[v], rays->y[v], rays->z[v]);
+        rays->l1_norm[v] = l1_norm_of(rays->x[v], rays->y[v], rays->z[v]);
         rays->weight[v] = (realv)(emitter->aim_ll * emitter->aim_mm * trace->job->inverse_unit_area);
         rays->path_low[v] = rays->path_high[v] = (uintv)(0);
         rays->key[v] = ray_words(keys, 0, v);
@@ -37,9 +37,9 @@ INLINE Interaction interaction_begin(const Trace *trace, const Rays *rays, int v
     at.along = at.goes = ray->along;
     at.arriving = rays->weight[v];
     at.weight = (realv)(1);
-    at.absorbed = at.parts = (realv)(0);
+    at.absorbed = at.split = (realv)(0);
     at.event = (intv)(EVENT_NOMINAL);
-    at.room = (intv)(spawn_room(trace->spawned));
+    at.room = (intv)(stack_room(trace->stack));
     at.ends = to_mask(at.event != at.event);
     at.draw = path_word(rays->key[v], rays->path_low[v], rays->path_high[v], number);
     return at;
@@ -73,7 +73,7 @@ typedef struct { realv step[BLOCK_VECTORS]; intv which[BLOCK_VECTORS]; } Nearest
             leave_##kind(element, rays, v, number, meets, element_bound(rays, v, &offset), step, &at);       \
             model##_part(trace, rays, v, number, meets, &at);                                                \
             rays->weight[v] = meets ? rays->weight[v] * left : rays->weight[v];                              \
-            const maskv ended = finish_##kind(trace, rays, v, number, meets, &at, left);                     \
+            const maskv ended = tally_##kind(trace, rays, v, number, meets, &at, left);                     \
             after = to_int(ended) != 0 ? (intv)(ENDED) : after;                                              \
         }                                                                                                    \
     }
@@ -109,7 +109,7 @@ INLINE void trace_rays(const Trace *trace, Rays *rays, int count) {
     Nearest nearest;
     const int known = sizeof(trace->job->may) / sizeof(trace->job->may[0]);
     int step = 0;
-    while ((count = spawn_take(trace->spawned, rays, count)) > 0) {
+    while ((count = stack_pop(trace->stack, rays, count)) > 0) {
         int left = 0;
         const uint may = step < known ? trace->job->may[step++] : ~0u;
         find_nearest(trace, rays, count, may, &nearest);
@@ -130,28 +130,28 @@ INLINE void trace_rays(const Trace *trace, Rays *rays, int count) {
 __kernel void trace_paths(__constant Scene *scene, const Launch launch, __global const Emitter *emitters,
                           __constant Element *elements, __constant Scatter *scatter, __global const Path *paths,
                           __global uint *sums, __global uint *images, __global uint *found, const PathJob job) {
-    const uint stream = launch.first_stream + get_global_id(0);
+    const uint source = launch.first_source + get_global_id(0);
     const ulong begin = launch.first_ray + get_global_id(1) * launch.rays_per_item;
     const ulong end = min(begin + launch.rays_per_item, launch.first_ray + launch.ray_count);
     const int sums_size = PATH_ABSORBED + 2 * job.element_count + 2 + 2 * job.path_count;
     ulong own[MAX_SUMS];
     for (int k = 0; k < sums_size; ++k) own[k] = 0;
-    Spawned spawned;
-    spawn_begin(&spawned);
-    const Trace trace = {scene, elements, scatter, &launch, paths, sums, images, found, &job, &spawned, own,
-                         stream % launch.screen_columns, stream / launch.screen_columns};
-    const Emitter emitter = emitters[stream];
+    RayStack stack;
+    stack_begin(&stack);
+    const Trace trace = {scene, elements, scatter, &launch, paths, sums, images, found, &job, &stack, own,
+                         source % launch.screen_columns, source / launch.screen_columns};
+    const Emitter emitter = emitters[source];
     Sampler sampler;
-    sampler_begin(&sampler, &launch, stream);
+    sampler_begin(&sampler, &launch, source);
     Words words, keys;
     Rays rays;
     for (ulong first = begin; first < end; first += BLOCK) {
         sampler_block(&sampler, first, &words);
-        path_keys(&launch, stream, first, &keys);
+        path_keys(&launch, source, first, &keys);
         emit(&trace, &emitter, &words, &keys, &rays);
         trace_rays(&trace, &rays, (int)min(end - first, (ulong)(BLOCK)));
     }
-    own[PATH_FAILED] += spawn_lost(&spawned);
+    own[PATH_FAILED] += stack_lost(&stack);
     for (int k = 0; k < sums_size; ++k)
         if (own[k] != 0) sum64_add(sums, k, own[k]);
 }

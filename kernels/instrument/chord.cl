@@ -20,18 +20,18 @@ INLINE maskv chord_ramp(__constant Scene *scene, const Chord *chord, const Meeti
     const realv half_length = real_sqrt(half2 > least2 ? half2 : (realv)(least2));
     realv low = -half_length - along, high = half_length - along;
     aperture_clip(&scene->mirror, met->point, chord->mirror_x, chord->mirror_y, &low, &high);
-    const realv middle = (real)0.5 * (low + high), reach = (real)0.5 * (high - low);
+    const realv middle = (real)0.5 * (low + high), l1_norm = (real)0.5 * (high - low);
     // a ramp so short that the slope of a heavy ray would leave 31 bits is widened, too
     const realv width = weight * (real)0x1p-30 > MIN_RAMP ? weight * (real)0x1p-30 : (realv)(MIN_RAMP);
     const realv least = width / (2 * half_length);
     const realv slope = chord->slope;
     // the centre is that of the light, not of the piece's ends: the map bends and cos^4 grows along the chord
     const realv centre = at + (slope + 2 * chord->bend * along) * middle + chord->bend * middle * middle
-                         + (slope * chord->growth + chord->bend) * reach * reach * (real)(1.0 / 3.0);
+                         + (slope * chord->growth + chord->bend) * l1_norm * l1_norm * (real)(1.0 / 3.0);
     realv stretch = slope + 2 * chord->bend * (along + middle);
     stretch = stretch < 0 ? -stretch : stretch;               // beyond a fold, which a strongly bent map has
-    const realv extent = (stretch > least ? stretch : least) * reach;
-    const realv density = weight * (1 + chord->growth * middle) * reach / (2 * half_length * extent);
+    const realv extent = (stretch > least ? stretch : least) * l1_norm;
+    const realv density = weight * (1 + chord->growth * middle) * l1_norm / (2 * half_length * extent);
     const maskv lit = (density > 0) & (centre == centre);
     ramp->slope = to_int(lit ? density + (real)0.5 : (realv)(0));
     maskv beyond = 0;

@@ -1,6 +1,6 @@
-// Scenes where nothing on a ray's path is left to chance.
+// Scenes where nothing on a ray's path is left to probability.
 #include "words.cl"
 
-INLINE void path_keys(const Launch *launch, uint stream, ulong first, Words *keys) {
+INLINE void path_keys(const Launch *launch, uint source, ulong first, Words *keys) {
     for (int v = 0; v < BLOCK / WORD_LANES; ++v) keys->of[0][v] = (wordv)(0);
 }

@@ -1,7 +1,7 @@
-// Sampler: rank-1 lattice of irrational generator (Kronecker sequence), shifted at random per stream and replicate.
+// Sampler: rank-1 lattice of irrational generator (Kronecker sequence), shifted at random per source and replicate.
 // Ray i has word hi(i alpha_d) + shift_d in dimension d, hi being the upper half of 64 bits. alpha_d = phi^-(d+1) in
 // 64-bit fixed point, phi the real root of x^5 = x + 1 (the generalised golden ratio: Roberts, Evenly distributing
-// points in a hypersphere's cube). Any number of rays, up to 2^40 and more per stream, fills the unit cube evenly.
+// points in a hypersphere's cube). Any number of rays, up to 2^40 and more per source, fills the unit cube evenly.
 #include "seeds.cl"
 
 __constant ulong lattice_step[DIMENSIONS] = {0xdb4f0b9175ae2165UL, 0xbbe0563303a4615fUL, 0xa0f2ec75a1fe1576UL,
@@ -12,8 +12,8 @@ typedef struct {
     wordv high[DIMENSIONS], low[DIMENSIONS];   // halves of j alpha_d for the rays j of a vector
 } Sampler;
 
-INLINE void sampler_begin(Sampler *sampler, const Launch *launch, uint stream) {
-    sampler_seeds(launch, stream, 0, sampler->shift);
+INLINE void sampler_begin(Sampler *sampler, const Launch *launch, uint source) {
+    sampler_seeds(launch, source, 0, sampler->shift);
     for (int d = 0; d < DIMENSIONS; ++d)
         for (int j = 0; j < WORD_LANES; ++j) {
             const ulong place = j * lattice_step[d];

@@ -1,12 +1,12 @@
 // Sampler: independent uniform words from Philox4x32-10. One Philox block gives the four dimensions that a ray needs.
-// The counter is (ray, low word first; stream; replicate), the key the seed: words are a function of these alone.
+// The counter is (ray, low word first; source; replicate), the key the seed: words are a function of these alone.
 #include "words.cl"
 #include "philox.cl"
 
-typedef struct { uint stream, replicate, key0, key1; } Sampler;
+typedef struct { uint source, replicate, key0, key1; } Sampler;
 
-INLINE void sampler_begin(Sampler *sampler, const Launch *launch, uint stream) {
-    *sampler = (Sampler){stream, launch->replicate, launch->seed_low, launch->seed_high};
+INLINE void sampler_begin(Sampler *sampler, const Launch *launch, uint source) {
+    *sampler = (Sampler){source, launch->replicate, launch->seed_low, launch->seed_high};
 }
 
 // Words of the rays first ... first + BLOCK - 1.
@@ -15,7 +15,7 @@ INLINE void sampler_block(const Sampler *sampler, ulong first, Words *words) {
         const ulong ray = first + v * WORD_LANES;
         const wordv low = (uint)ray + word_index();
         const wordv high = (uint)(ray >> 32) + (low < (uint)ray ? (wordv)(1) : (wordv)(0));
-        const Philox counter = {{low, high, (wordv)(sampler->stream), (wordv)(sampler->replicate)}};
+        const Philox counter = {{low, high, (wordv)(sampler->source), (wordv)(sampler->replicate)}};
         const Philox out = philox4x32_10(counter, sampler->key0, sampler->key1);
         for (int d = 0; d < DIMENSIONS; ++d) words->of[d][v] = out.word[d];
     }

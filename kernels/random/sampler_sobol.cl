@@ -1,5 +1,5 @@
 // Sampler: Sobol points with hash-based Owen scrambling (Sobol 1967; Laine and Karras 2011; Burley, Practical
-// hash-based Owen scrambling, JCGT 2020). Every 2^32 rays of a stream get a scrambling of their own, so a stream never
+// hash-based Owen scrambling, JCGT 2020). Every 2^32 rays of a source get a scrambling of their own, so a source never
 // repeats; direction numbers of Joe and Kuo (2008) for four dimensions.
 //
 // All words are kept bit-reversed until the end: there, Owen's scrambling, which lets a bit depend on the bits above it,
@@ -38,16 +38,16 @@ INLINE uint sobol_point(int dimension, uint ray) {
 
 typedef struct {
     const Launch *launch;
-    uint stream, run;                               // run: the ray's number / 2^32, which seed belongs to
+    uint source, run;                               // run: the ray's number / 2^32, which seed belongs to
     uint seed[DIMENSIONS];
     wordv within[DIMENSIONS][BLOCK / WORD_LANES];   // points of the rays 0 ... BLOCK - 1, not scrambled
 } Sampler;
 
-INLINE void sampler_begin(Sampler *sampler, const Launch *launch, uint stream) {
+INLINE void sampler_begin(Sampler *sampler, const Launch *launch, uint source) {
     sampler->launch = launch;
-    sampler->stream = stream;
+    sampler->source = source;
     sampler->run = 0;
-    sampler_seeds(launch, stream, 0, sampler->seed);
+    sampler_seeds(launch, source, 0, sampler->seed);
     for (int d = 0; d < DIMENSIONS; ++d) {
         wordv lanes;
         for (int lane = 0; lane < WORD_LANES; ++lane) ((uint *)&lanes)[lane] = sobol_point(d, lane);
@@ -69,7 +69,7 @@ INLINE wordv owen_scramble(wordv reversed, uint seed) {
 // Words of the rays first ... first + BLOCK - 1; first is a multiple of BLOCK.
 INLINE void sampler_block(Sampler *sampler, ulong first, Words *words) {
     const uint run = (uint)(first >> POINT_BITS);
-    if (run != sampler->run) sampler_seeds(sampler->launch, sampler->stream, sampler->run = run, sampler->seed);
+    if (run != sampler->run) sampler_seeds(sampler->launch, sampler->source, sampler->run = run, sampler->seed);
     for (int d = 0; d < DIMENSIONS; ++d) {
         const uint base = sobol_point(d, (uint)first);
         for (int v = 0; v < BLOCK / WORD_LANES; ++v)

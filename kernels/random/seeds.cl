@@ -1,11 +1,11 @@
-// Random words that a stream's low-discrepancy points are randomised with: one per dimension, independent between
-// streams, replicates and runs of 2^32 rays.
+// Random words that a source's low-discrepancy points are randomised with: one per dimension, independent between
+// sources, replicates and runs of 2^32 rays.
 #include "words.cl"
 #include "philox.cl"
 
-INLINE void sampler_seeds(const Launch *launch, uint stream, uint run, uint seeds[DIMENSIONS]) {
+INLINE void sampler_seeds(const Launch *launch, uint source, uint run, uint seeds[DIMENSIONS]) {
     // the second counter word is all ones: no ray of sampler_philox.cl, which would need number 2^64 - 2^32, uses it
-    const Philox counter = {{(wordv)(run), (wordv)(0xffffffffu), (wordv)(stream), (wordv)(launch->replicate)}};
+    const Philox counter = {{(wordv)(run), (wordv)(0xffffffffu), (wordv)(source), (wordv)(launch->replicate)}};
     const Philox out = philox4x32_10(counter, launch->seed_low, launch->seed_high);
     for (int d = 0; d < DIMENSIONS; ++d) seeds[d] = ((const uint *)&out.word[d])[0];
 }

@@ -1,4 +1,4 @@
-// Random words to real numbers. Both are exact in single precision, symmetric, and never reach the interval's ends.
+// Random words to real numbers. Both are exact in single precision, symmetric, and never l1_norm the interval's ends.
 #include "simd_*.cl"
 
 // (-1/2, 1/2): the odd multiples of 2^-25, 2^24 of them. Never 0 and never +-1/2.

@@ -1,9 +1,9 @@
 // Scenes whose rays never part: no list of rays that wait.
 #include "ray.cl"
 
-typedef struct { int waiting; } Spawned;
+typedef struct { int waiting; } RayStack;
 
-INLINE void spawn_begin(Spawned *spawned) { spawned->waiting = 0; }
-INLINE int spawn_room(const Spawned *spawned) { return 0; }
-INLINE uint spawn_lost(const Spawned *spawned) { return 0; }
-INLINE int spawn_take(Spawned *spawned, Rays *rays, int count) { return count; }
+INLINE void stack_begin(RayStack *stack) { stack->waiting = 0; }
+INLINE int stack_room(const RayStack *stack) { return 0; }
+INLINE uint stack_lost(const RayStack *stack) { return 0; }
+INLINE int stack_pop(RayStack *stack, Rays *rays, int count) { return count; }

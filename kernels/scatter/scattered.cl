@@ -1,4 +1,4 @@
-// Rays that scatter at an element. One leaves by chance, in a direction drawn either from a lobe like the BSDF's or
+// Rays that scatter at an element. One leaves by probability, in a direction drawn either from a lobe like the BSDF's or
 // towards a target, a disk such as the camera's aperture, that the lobe would hardly ever find. Its weight is the BSDF
 // over the density of all these ways together (E. Veach, L. J. Guibas, SIGGRAPH 95, 419: the balance heuristic), so no
 // direction is left out and none counts twice. Scalar: few rays scatter. Frame: the world. Lengths in mm.
@@ -115,7 +115,7 @@ INLINE Scattering scattering_of(const Rays *rays, int v, int k, vec3s normal) {
         __constant Lobe *lobe = &trace->scatter->lobes[number];                                                          \
         const uintv low = rays->path_low[v], high = rays->path_high[v], key = rays->key[v];                              \
         const maskv chosen = meets & (rays->weight[v] > 0) &                                                             \
-                             (uniform_open(path_word(key, low, high, USE_SCATTER)) < lobe->chance);                      \
+                             (uniform_open(path_word(key, low, high, USE_SCATTER)) < lobe->probability);                      \
         if (!any_lane(chosen)) return;                                                                                   \
         const vec3v normals = to_world(&trace->elements[number], at->normal);                                            \
         const uintv way = path_word(key, low, high, USE_WAY);                                                            \
@@ -130,7 +130,7 @@ INLINE Scattering scattering_of(const Rays *rays, int v, int k, vec3s normal) {
             if (!(density > 0)) continue;                                                                                \
             const vec3s off = adds(leaving.beta, -1, ray.beta0);                                                         \
             const real weight = bsdf_##model(lobe, dots(off, off)) * dots(leaving.along, ray.normal) / density;          \
-            part_ray(trace, rays, v, k, leaving.along, ((const real *)&rays->weight[v])[k] * weight / lobe->chance,      \
+            split_ray(trace, rays, v, k, leaving.along, ((const real *)&rays->weight[v])[k] * weight / lobe->probability,      \
                      ((const int *)&at->event)[k], EVENT_SCATTER);                                                       \
         }                                                                                                                \
     }

@@ -2,14 +2,14 @@
 #include "tally.cl"
 
 // From ray k of vector v, which has just left with event `event`: along a direction of the world, with another weight.
-INLINE void part_ray(const Trace *trace, const Rays *rays, int v, int k, vec3s along, real weight, int event, int as) {
+INLINE void split_ray(const Trace *trace, const Rays *rays, int v, int k, vec3s along, real weight, int event, int as) {
     ++trace->own[PATH_PARTED];
     if (((const int *)&rays->bounces[v])[k] + 1 >= trace->job->bounce_limit) {
         count_rays(trace, PATH_BOUNCE_LIMIT, 1);
         return count_weight_of(trace, trace->job->element_count + 1, weight);
     }
     int place;
-    Rays *waiting = spawn_copy(trace->spawned, rays, v * WIDTH + k, &place);
+    Rays *waiting = stack_push(trace->stack, rays, v * WIDTH + k, &place);
     ((real *)waiting->dx)[place] = along.x;
     ((real *)waiting->dy)[place] = along.y;
     ((real *)waiting->dz)[place] = along.z;

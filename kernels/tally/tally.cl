@@ -25,7 +25,7 @@ typedef struct {
     __global uint *images;        // 64-bit: [classes][screen columns and rows][detector pixels]
     __global uint *found;         // number of entries, then (low, high, weight's bits) of detected rays
     const PathJob *job;
-    Spawned *spawned;
+    RayStack *stack;
     ulong *own;                   // the work-item's part of sums, added to them at its end
     int column, row;              // the screen pixel
 } Trace;
@@ -89,7 +89,7 @@ INLINE void interaction_end(__constant Element *element, Rays *rays, int v, int 
     rays->dx[v] = meets ? d.x : rays->dx[v];
     rays->dy[v] = meets ? d.y : rays->dy[v];
     rays->dz[v] = meets ? d.z : rays->dz[v];
-    rays->reach[v] = reach_of(rays->x[v], rays->y[v], rays->z[v]);
+    rays->l1_norm[v] = l1_norm_of(rays->x[v], rays->y[v], rays->z[v]);
     rays->weight[v] = meets ? at->arriving * at->weight : rays->weight[v];
     uintv low = rays->path_low[v], high = rays->path_high[v];
     path_push(&low, &high, as_uintv(at->event + (EVENT_KINDS * number + 1)));
@@ -114,7 +114,7 @@ INLINE void interaction_end(__constant Element *element, Rays *rays, int v, int 
 #define leave_detector interaction_end
 #define leave_absorber(...)   // nothing leaves it
 #define FINISH(kind, staying)                                                                                \
-    INLINE maskv finish_##kind(const Trace *trace, const Rays *rays, int v, int number, maskv meets,         \
+    INLINE maskv tally_##kind(const Trace *trace, const Rays *rays, int v, int number, maskv meets,         \
                                const Interaction *at, realv left) {                                          \
         const maskv ended = meets & at->ends;                                                                \
         count_rays(trace, PATH_ABSORBED + number, lanes_in(ended));                                          \
@@ -126,7 +126,7 @@ FINISH(lens, 1)
 FINISH(absorber, 1)
 FINISH(wall, left)
 
-INLINE maskv finish_detector(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at,
+INLINE maskv tally_detector(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at,
                              realv left) {
     const maskv front = meets & (dot3(at->along, at->normal) > 0), back = meets & !front;
     count_rays(trace, PATH_ABSORBED + number, lanes_in(back));

@@ -3,9 +3,9 @@
 
 #define leave_refractor interaction_end
 #define leave_coated interaction_end
-#define finish_coated finish_refractor
+#define tally_coated tally_refractor
 
-INLINE maskv finish_refractor(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at,
+INLINE maskv tally_refractor(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at,
                               realv left) {
     return to_mask(at->event != at->event);
 }

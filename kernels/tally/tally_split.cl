@@ -3,15 +3,15 @@
 
 #define leave_refractor interaction_end
 #define leave_coated interaction_end
-#define finish_coated finish_refractor
+#define tally_coated tally_refractor
 
-INLINE maskv finish_refractor(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at,
+INLINE maskv tally_refractor(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at,
                               realv left) {
     const vec3v along = to_world(&trace->elements[number], mirrored(at->along, at->normal));
-    const realv weight = at->arriving * at->parts;
-    for (ulong lanes = mask_word(meets & (at->parts > 0)); lanes != 0; lanes &= lanes - 1) {
+    const realv weight = at->arriving * at->split;
+    for (ulong lanes = mask_word(meets & (at->split > 0)); lanes != 0; lanes &= lanes - 1) {
         const int k = lowest_lane(lanes);
-        part_ray(trace, rays, v, k, lane_of(along, k), ((const real *)&weight)[k], EVENT_NOMINAL, EVENT_GHOST);
+        split_ray(trace, rays, v, k, lane_of(along, k), ((const real *)&weight)[k], EVENT_NOMINAL, EVENT_GHOST);
     }
     return to_mask(at->event != at->event);
 }

@@ -9,7 +9,7 @@ import pytest
 from synthetic import small_scene
 
 from irtscots_cl.analysis import error_terms as errorparts
-from irtscots_cl.analysis.error_terms import error_parts, rounding_height_nm
+from irtscots_cl.analysis.error_terms import error_terms, rounding_height_nm
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.methods import measure_by
@@ -47,7 +47,7 @@ def measured(scene, device):
     found = {}
     for measure in ("paper", "fine", "refined"):
         result, options = run_of(scene, device, measure, smoothing=True)
-        found[measure] = result, options, error_parts(result, scene, measure, options, device)
+        found[measure] = result, options, error_terms(result, scene, measure, options, device)
     return found
 
 
@@ -79,7 +79,7 @@ def test_a_better_measure_lowers_what_it_is_meant_to(measured):
 def test_ray_noise_falls_with_the_rays_and_nothing_else_does(scene, device, measured):
     few = by_name(measured["paper"][2])
     result, options = run_of(scene, device, "paper", rays=16 * RAYS, smoothing=True)
-    many = by_name(error_parts(result, scene, "paper", options, device))
+    many = by_name(error_terms(result, scene, "paper", options, device))
     # 16^-0.7 = 0.14 for smoothed Sobol points; about 1000 pixels tell slopes to 3 %, heights to 30 %
     assert many["ray noise"].slope_urad[0] < 0.25 * few["ray noise"].slope_urad[0]
     for name in ("line sampling", "pixel averaging", "edge pixels", "integration"):
@@ -89,7 +89,7 @@ def test_ray_noise_falls_with_the_rays_and_nothing_else_does(scene, device, meas
 def test_the_analytic_estimator_has_no_ray_noise_and_needs_no_device(scene):
     run = trace(scene, estimator="analytic")
     result = measure_by("paper", run.images(LineScan(scene)), scene.nominal())
-    parts = by_name(error_parts(result, scene, "paper", run.options))
+    parts = by_name(error_terms(result, scene, "paper", run.options))
     assert parts["ray noise"].height_nm == 0.0 and parts["ray noise"].slope_urad == (0.0, 0.0)
     assert "float rounding" not in parts
     assert parts["line sampling"].height_nm > 0.1  # lines of 0.2 mm cost 1.5 nm at 9.6 mm, less where noise averages
@@ -101,7 +101,7 @@ def test_lines_half_as_wide_sample_better(scene):
         finer = dataclasses.replace(scene, screen=screen)
         run = trace(finer, estimator="analytic")
         result = measure_by("paper", run.images(LineScan(finer)), finer.nominal())
-        return by_name(error_parts(result, finer, "paper", run.options))["line sampling"].slope_urad[0]
+        return by_name(error_terms(result, finer, "paper", run.options))["line sampling"].slope_urad[0]
 
     assert sampling(42, 0.1) < 0.25 * sampling(21, 0.2)  # as the 5/2 power of the width: 0.18
 
@@ -110,7 +110,7 @@ def test_the_stages_of_a_measure_without_pixel_average_are_freed_of_it(scene, me
     """Left out where the parts are made, the stages would be those of another measure."""
     result, options, parts = measured["fine"]
     monkeypatch.setattr(errorparts, "without_pixel_average", lambda values, mask: values)
-    wrong = by_name(error_parts(result, scene, "fine", options))
+    wrong = by_name(error_terms(result, scene, "fine", options))
     assert wrong["pixel averaging"].height_nm > 3 * by_name(parts)["pixel averaging"].height_nm  # 9 measured
 
 
@@ -124,7 +124,7 @@ def test_pixels_without_a_closed_form_have_a_part_of_their_own(device):
     lost = np.setdiff1d(np.flatnonzero(result.mask), free.windows.pixels[free.flux_w["x"][0].sum(-1) > 0])
     if not lost.size:
         pytest.skip("every pixel that can be used has a closed form")
-    parts = error_parts(result, scene, "paper", options, device)
+    parts = error_terms(result, scene, "paper", options, device)
     assert parts[-1].name == "pixels without a closed form"
     left = whole_error(result, scene) - sum(part.height_mm for part in parts)
     assert np.nanmax(np.abs(left)) < 1e-15  # mm, rounding as above

@@ -16,7 +16,7 @@ from scipy import stats
 from significance import sidak_z
 
 from irtscots_cl.analysis.stray_light import stray_light
-from irtscots_cl.optics.elements.components import parts_of
+from irtscots_cl.optics.elements.components import components_of
 from irtscots_cl.optics.elements.media import check_media
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.presets import load_scene
@@ -178,7 +178,7 @@ def with_element(name, number, **changes):
 
 @pytest.mark.parametrize("name", ["sphere-singlet", "sphere-doublet", "sphere-window", "ghosts", "baffled"])
 def test_the_media_of_the_presets_fit(name):
-    check_media(load_scene(name), parts_of(load_scene(name)))
+    check_media(load_scene(name), components_of(load_scene(name)))
 
 
 def test_media_that_overlap_are_refused_by_name(device):
@@ -191,7 +191,7 @@ def test_media_that_overlap_are_refused_by_name(device):
     )
     open_end = replace(scene, element=load_scene("sphere-doublet").element[:2])
     with pytest.raises(SceneError, match=r"element\[1\].index_back = 1.6727: lens.cement faces nothing, so air there"):
-        check_media(open_end, parts_of(open_end))
+        check_media(open_end, components_of(open_end))
 
 
 def test_a_detector_that_no_path_reaches_is_refused(device):

@@ -15,7 +15,7 @@ import pytest
 from irtscots_cl import cli
 from irtscots_cl.bench import figures, scaling, suite, tables, throughput
 from irtscots_cl.opencl.structs import Fate
-from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.scene.presets import load_scene, sequential_presets
 from irtscots_cl.system.atomic_files import plain
 from irtscots_cl.tracing.estimators.sequential import Tracer
@@ -146,9 +146,9 @@ def test_the_command_writes_what_it_prints(device, short, capsys, tmp_path, monk
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_without_accumulation_rays_fare_alike(device, estimator):
     """The limit's kernel traces the same rays: only where they are stored is left out."""
-    calibration, options = calibrate(load_scene("sphere")), TraceOptions(estimator)
+    chief, options = chief_rays(load_scene("sphere")), TraceOptions(estimator)
     stored, left_out = (
-        Tracer(calibration, device, options, accumulate=kind).run(np.array([64])) for kind in ("atomic", "none")
+        Tracer(chief, device, options, accumulate=kind).run(np.array([64])) for kind in ("atomic", "none")
     )
     assert stored[0].sum() > 0 and left_out[0].sum() == 0
     if estimator == "forward":  # an adjoint ray's fate is one of its bins
@@ -159,14 +159,14 @@ def test_without_accumulation_rays_fare_alike(device, estimator):
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_throughput_counts_the_rays_it_launched(device, estimator):
-    tracer = Tracer(calibrate(load_scene("sphere")), device, TraceOptions(estimator))
+    tracer = Tracer(chief_rays(load_scene("sphere")), device, TraceOptions(estimator))
     launched = []
     launch = tracer.launch
     tracer.launch = lambda replicate, part: launched.append(part) or launch(replicate, part)
     rate = tracer.throughput(2**20)
-    ((first, streams, _, rays),) = launched
-    assert rate == pytest.approx(streams * rays / tracer.kernel_seconds, rel=1e-12)  # rounding
-    assert first >= 0 and first + streams <= tracer.streams and streams * rays <= 2**20
+    ((first, sources, _, rays),) = launched
+    assert rate == pytest.approx(sources * rays / tracer.kernel_seconds, rel=1e-12)  # rounding
+    assert first >= 0 and first + sources <= tracer.sources and sources * rays <= 2**20
 
 
 def run_tool(*arguments):

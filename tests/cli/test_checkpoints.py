@@ -20,7 +20,7 @@ from irtscots_cl.cli.progress import Progress
 from irtscots_cl.execution import checkpoint
 from irtscots_cl.opencl.device import DeviceError
 from irtscots_cl.pipeline.simulate import outlook
-from irtscots_cl.tracing.fingerprint import trace_facts
+from irtscots_cl.tracing.fingerprint import trace_fingerprint
 from irtscots_cl.tracing.trace import trace
 
 ROOT = Path(__file__).parents[2]
@@ -170,7 +170,9 @@ def test_a_checkpoint_of_another_device_or_version_is_refused(irtscots, after_la
     for name, value in (("driver", "8.0"), ("device", "GPU"), ("version", "99")):
         with monkeypatch.context() as patch:
             changed = {name: value}
-            patch.setattr("irtscots_cl.tracing.trace.trace_facts", lambda *of, to=changed: trace_facts(*of) | to)
+            patch.setattr(
+                "irtscots_cl.tracing.trace.trace_fingerprint", lambda *of, to=changed: trace_fingerprint(*of) | to
+            )
             refused(irtscots(*resume), f"of another run: {name} = ", f"here {value}")
     with monkeypatch.context() as patch:
         patch.setattr("irtscots_cl.tracing.estimators.sequential.hash_of", lambda *_: "0" * 32)

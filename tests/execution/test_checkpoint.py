@@ -16,16 +16,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from counting_job import PER_ITEM, RAYS, STREAMS, CountingJob, same
+from counting_job import PER_ITEM, RAYS, SOURCES, CountingJob, same
 
 from irtscots_cl.execution import checkpoint
-from irtscots_cl.execution.checkpoint import Interrupted, Keeper
+from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
 from irtscots_cl.execution.checkpoint_file import DIGEST_BYTES, FORMAT, MAX_HEADER_BYTES, digest_hash, hash_of, new_path
-from irtscots_cl.execution.launch_plan import Place
-from irtscots_cl.execution.local import Devices
+from irtscots_cl.execution.launch_plan import Cursor
+from irtscots_cl.execution.local import LocalExecutor
 from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.scene.presets import load_scene
-from irtscots_cl.tracing.fingerprint import trace_facts
+from irtscots_cl.tracing.fingerprint import trace_fingerprint
 from irtscots_cl.tracing.options import TraceOptions
 
 FACTS = {"scene": "cd" * 16, "estimator": "adjoint", "seed": 1, "overfill": 1.0}
@@ -53,7 +53,7 @@ def run(keeper, job=None, facts=FACTS, stop_after=None, rays=RAYS):
 def interrupted(path, stop_after=5, **more) -> bytes:
     """What an interrupted run leaves in the file."""
     with pytest.raises(Interrupted):
-        run(Keeper(path), stop_after=stop_after, **more)
+        run(Checkpoints(path), stop_after=stop_after, **more)
     return path.read_bytes()
 
 
@@ -61,7 +61,7 @@ def refusal(path, **more) -> str:
     """The one line that refuses to go on from the file, which stays."""
     before = path.read_bytes()
     with pytest.raises(ValueError, match="deleted") as caught:
-        run(Keeper(path, resume=True), **more)
+        run(Checkpoints(path, resume=True), **more)
     message = str(caught.value)
     assert message.isprintable() and message.startswith(f"{path}: ")
     assert path.read_bytes() == before
@@ -87,21 +87,21 @@ def test_a_file_holds_the_replicates_that_were_begun(tmp_path):
     header, arrays = split(interrupted(tmp_path / "kept", 5))
     assert header["place"] == [1, 4, 0, 0]
     assert header["facts"] == FACTS | CountingJob().facts | {"byte_order": sys.byteorder}
-    assert len(arrays) == 8 * 2 * (STREAMS + 3)  # two replicates of each array
+    assert len(arrays) == 8 * 2 * (SOURCES + 3)  # two replicates of each array
     assert joined(json.dumps(header).encode(), arrays) == (tmp_path / "kept").read_bytes()
 
 
 def test_a_run_that_is_not_interrupted_leaves_nothing_before_it_is_time(tmp_path):
-    assert same(run(Keeper(tmp_path / "kept")), EXPECTED)
+    assert same(run(Checkpoints(tmp_path / "kept")), EXPECTED)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_trace_at_its_end_is_kept_whole(tmp_path, eager):
     """So that what comes after it can be interrupted, and a study's traces are not repeated."""
     path = tmp_path / "kept"
-    run(Keeper(path))
+    run(Checkpoints(path))
     job = CountingJob()
-    assert same(run(Keeper(path, resume=True), job), EXPECTED)
+    assert same(run(Checkpoints(path, resume=True), job), EXPECTED)
     assert job.launches == []
 
 
@@ -111,17 +111,17 @@ def test_no_files_of_processes_that_were_killed_pile_up(tmp_path):
     interrupted(path)
     assert list(tmp_path.iterdir()) == [path]
     new_path(path).write_bytes(b"half")
-    Keeper(path).remove()
+    Checkpoints(path).remove()
     assert list(tmp_path.iterdir()) == []
 
 
 def test_facts_of_a_trace_tell_all_that_it_depends_on(device):
-    scene, rays, about = load_scene("sphere"), np.array([10, 9]), Devices([device]).about()
-    facts = trace_facts(scene, TraceOptions(), rays, about)
+    scene, rays, device_identity = load_scene("sphere"), np.array([10, 9]), LocalExecutor([device]).device_identity()
+    facts = trace_fingerprint(scene, TraceOptions(), rays, device_identity)
     assert {"estimator", "sampler", "precision", "seed", "aim", "overfill", "smoothing"} < set(facts)
     assert (facts["rays_per_pixel"], facts["replicates"], facts["device"]) == (19, 2, device.name)
     assert facts["driver"] == device.driver and "version" in facts
-    assert facts["scene"] != trace_facts(load_scene("off-axis"), TraceOptions(), rays, about)["scene"]
+    assert facts["scene"] != trace_fingerprint(load_scene("off-axis"), TraceOptions(), rays, device_identity)["scene"]
     assert len(json.dumps(facts)) < MAX_HEADER_BYTES / 4
 
 
@@ -139,12 +139,12 @@ def saves_of(monkeypatch, launch_seconds, save_seconds, launches):
 
     monkeypatch.setattr(checkpoint, "write_checkpoint", write)
     sums = (np.zeros((1, 1000), np.uint64),)
-    kept = Keeper(Path("none/kept")).file_of(FACTS)
+    kept = Checkpoints(Path("none/kept")).file_of(FACTS)
     monkeypatch.setattr(Path, "mkdir", lambda *_, **__: None)
     kept.begin({}, np.array([launches]), 1, 1, sums)
     for launch in range(1, launches):
         clock[0] += launch_seconds
-        kept.launched(Place(0, launch), clock[0], lambda: None)
+        kept.launched(Cursor(0, launch), clock[0], lambda: None)
     return saves, clock[0]
 
 
@@ -161,12 +161,12 @@ def test_saving_takes_less_than_2_percent_of_the_time(monkeypatch, save_seconds)
 def test_a_limit_of_time_ends_a_trace_with_its_sums_saved(tmp_path):
     path = tmp_path / "kept"
     with pytest.raises(Interrupted, match=re.escape("--max-seconds 1e-09: stopped after 11% of the rays")):
-        run(Keeper(path, max_seconds=1e-9))
+        run(Checkpoints(path, max_seconds=1e-9))
     assert split(path.read_bytes())[0]["place"] == [0, 4, 0, 0]
 
 
 def test_a_trace_that_is_through_is_not_ended_by_its_limit_of_time(tmp_path):
-    keeper = Keeper(tmp_path / "kept", max_seconds=1e-9)
+    keeper = Checkpoints(tmp_path / "kept", max_seconds=1e-9)
     found = run_rays(CountingJob(), RAYS[:1], None, 1000, keeper.file_of(FACTS))
     assert same(found, [array[:1] for array in EXPECTED])
 
@@ -205,15 +205,15 @@ def test_a_file_with_other_shapes_or_rays_is_refused(tmp_path):
 def test_every_flipped_bit_and_every_truncation_is_noticed(tmp_path):
     path = tmp_path / "kept"
     whole = interrupted(path)
-    for place in range(len(whole)):
-        path.write_bytes(whole[:place])
+    for cursor in range(len(whole)):
+        path.write_bytes(whole[:cursor])
         assert refusal(path).startswith("damaged")
-        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << place % 8]) + whole[place + 1 :])
+        path.write_bytes(whole[:cursor] + bytes([whole[cursor] ^ 1 << cursor % 8]) + whole[cursor + 1 :])
         assert refusal(path).startswith("damaged")
     path.write_bytes(whole + b"\0")
     assert refusal(path).startswith("damaged")
     path.write_bytes(whole)
-    assert same(run(Keeper(path, resume=True)), EXPECTED)
+    assert same(run(Checkpoints(path, resume=True)), EXPECTED)
 
 
 def mutated(dice: random.Random, data: bytes) -> bytes:
@@ -256,7 +256,7 @@ def forged(dice: random.Random, header: dict) -> bytes:
 def is_a_place_of_the_plan(text: bytes) -> bool:
     """Whether the header's place is another than the sums', yet possible: nothing but the digests tells of that."""
     try:
-        Place(*json.loads(text)["place"]).check(RAYS, STREAMS, PER_ITEM)
+        Cursor(*json.loads(text)["place"]).check(RAYS, SOURCES, PER_ITEM)
     except (TypeError, ValueError, KeyError, RecursionError):
         return False
     return True
@@ -266,7 +266,7 @@ def outcome(path, data) -> str:
     """Refused, started afresh, or went on: with the right sums, whatever the file holds."""
     path.write_bytes(data)
     try:
-        found = run(Keeper(path, resume=True))
+        found = run(Checkpoints(path, resume=True))
     except ValueError as error:
         message = str(error)
         assert message.isprintable() and message.startswith(f"{path}: ") and len(message) < 1000
@@ -319,9 +319,9 @@ def test_a_margin_from_a_file_is_one_that_windows_can_have(tmp_path):
     for margin in (2, 8, 3, 10**9, -1, True, "2", None):
         text = json.dumps(header | {"facts": header["facts"] | {"margin": margin}}).encode()
         path.write_bytes(joined(text, arrays))
-        found.append(Keeper(path, resume=True).file_of(FACTS).margin())
+        found.append(Checkpoints(path, resume=True).file_of(FACTS).margin())
     assert found == [2, 8, 1, 1, 1, 1, 1, 1]
-    assert Keeper(path).file_of(FACTS).margin() == 1
+    assert Checkpoints(path).file_of(FACTS).margin() == 1
 
 
 # --- disks -------------------------------------------------------------------------------------------------
@@ -337,12 +337,12 @@ def test_a_full_disk_leaves_the_old_file_and_the_trace_goes_on(tmp_path, eager, 
         fsync(descriptor)
 
     monkeypatch.setattr(os, "fsync", full)
-    assert same(run(Keeper(path, warn=warned.append)), EXPECTED)
+    assert same(run(Checkpoints(path, warn=warned.append)), EXPECTED)
     assert warned == [f"{path}: cannot be saved: No space left on device; tracing goes on"]
     assert [file.name for file in tmp_path.iterdir()] == ["kept"]
     monkeypatch.undo()
     job = CountingJob()
-    assert same(run(Keeper(path, resume=True), job), EXPECTED)
+    assert same(run(Checkpoints(path, resume=True), job), EXPECTED)
     assert 0 < len(job.launches) < 9
 
 
@@ -351,7 +351,7 @@ def test_a_file_that_grows_too_large_is_not_left_in_part(tmp_path, eager):
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
     try:
         job = CountingJob(size=4000)  # 160 kB for a replicate
-        run(Keeper(path, warn=warned.append), job)
+        run(Checkpoints(path, warn=warned.append), job)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert len(warned) == 1 and "File too large" in warned[0]
@@ -359,7 +359,7 @@ def test_a_file_that_grows_too_large_is_not_left_in_part(tmp_path, eager):
 
 
 def test_an_interrupted_trace_that_cannot_be_saved_ends_all_the_same(eager):
-    keeper = Keeper(Path("/proc/none/kept"), warn=lambda line: None)
+    keeper = Checkpoints(Path("/proc/none/kept"), warn=lambda line: None)
     with pytest.raises(Interrupted):
         run(keeper, stop_after=2)
     assert keeper.files() == []
@@ -390,16 +390,16 @@ def test_a_trace_killed_50_times_ends_with_the_same_bits():
 
 def test_each_trace_of_a_study_has_its_file(tmp_path, eager):
     folder = tmp_path / "checkpoints"
-    keeper = Keeper(folder, many=True)
+    keeper = Checkpoints(folder, many=True)
     for seed in (1, 2, 3):
         run(keeper, CountingJob(seed), FACTS | {"seed": seed}, stop_after=None)
     assert len(keeper.files()) == 3
-    again, jobs = Keeper(folder, resume=True, many=True), [CountingJob(seed) for seed in (1, 2, 4)]
+    again, jobs = Checkpoints(folder, resume=True, many=True), [CountingJob(seed) for seed in (1, 2, 4)]
     for job, seed in zip(jobs, (1, 2, 4), strict=True):
         assert same(run(again, job, FACTS | {"seed": seed}), run_rays(CountingJob(seed), RAYS))
     assert [len(job.launches) for job in jobs[:2]] == [0, 0] and jobs[2].launches
     with pytest.raises(ValueError, match=r"checkpoints: left by an interrupted run; must be gone on with by --resume"):
-        Keeper(folder, many=True).check_start()
+        Checkpoints(folder, many=True).check_start()
     again.check_start()
     again.remove()
     assert list(tmp_path.iterdir()) == []

@@ -19,11 +19,11 @@ distributed = pytest.importorskip("distributed", reason="pip install 'irtscots-c
 from scenes import coarse  # noqa: E402
 
 from irtscots_cl.cli import main  # noqa: E402
-from irtscots_cl.execution.checkpoint import Interrupted, Keeper  # noqa: E402
+from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted  # noqa: E402
 from irtscots_cl.execution.dask import cluster, tasks  # noqa: E402
 from irtscots_cl.execution.dask import run as dask_run  # noqa: E402
-from irtscots_cl.execution.dask.cluster import Cluster, connect  # noqa: E402
-from irtscots_cl.execution.dask.run import LEAST_TASK_SECONDS, TASK_SECONDS, ClusterRun  # noqa: E402
+from irtscots_cl.execution.dask.cluster import DaskExecutor, connect  # noqa: E402
+from irtscots_cl.execution.dask.run import MIN_TASK_SECONDS, TASK_SECONDS, ClusterRun  # noqa: E402
 from irtscots_cl.execution.dask.tasks import CodeError, WorkerError, add_up, trace_part  # noqa: E402
 from irtscots_cl.opencl.device import DeviceError  # noqa: E402
 from irtscots_cl.pipeline.simulate import simulate  # noqa: E402
@@ -145,7 +145,7 @@ def test_an_interrupted_trace_goes_on_on_a_device_and_back(device, two, tmp_path
     whole = trace(coarse(), device=device, **more)
 
     def run(where, stop_at, resume):
-        keeper = Keeper(tmp_path / "kept", resume)
+        keeper = Checkpoints(tmp_path / "kept", resume)
 
         def stop(done, total):
             time.sleep(0.03)  # so that totals come in meanwhile
@@ -217,14 +217,14 @@ def test_a_worker_whose_device_fails_is_left_out_and_one_that_joins_takes_part(d
 def test_other_code_on_a_worker_is_refused_in_one_line(fresh):
     _, client = fresh
     other = addresses(client)[0]
-    site = Cluster(client)
+    executor = DaskExecutor(client)
     client.run(run_other_code, workers=[other])
     must = f"--dask: worker {other} runs other code than this irtscots-cl: must be the same version on both sides"
     with pytest.raises(CodeError, match=f"^{must}$"):
-        Cluster(client)
+        DaskExecutor(client)
     work = TraceWork(coarse(), TraceOptions())
     with pytest.raises(CodeError, match=f"^{must}$"):  # of a worker that came after the greeting
-        site.run(work, np.array([10, 10]), launch_rays=100)
+        executor.run(work, np.array([10, 10]), launch_rays=100)
 
 
 def test_a_task_says_which_worker_failed():
@@ -237,7 +237,7 @@ def test_a_task_says_which_worker_failed():
 def test_without_workers_one_line(impatient):
     with start(0) as local, distributed.Client(local) as client:
         with pytest.raises(DeviceError, match=r"^--dask: no worker came within 0\.5 s$"):
-            Cluster(client)
+            DaskExecutor(client)
         local.scale(1)
         client.wait_for_workers(1)
         progress = at(0.2, lambda: local.scale(0))
@@ -273,7 +273,7 @@ def test_a_device_beside_a_client_is_refused(device, two):
 def test_tasks_are_longer_where_sums_are_large_or_workers_many(two):
     """No trace: the size of parts by measured speed, near the beginning and near the end."""
     work = TraceWork(coarse(), TraceOptions())
-    run = ClusterRun(Cluster(two), work, np.array([2**30]), None, None, None, None)
+    run = ClusterRun(DaskExecutor(two), work, np.array([2**30]), None, None, None, None)
     run._threads = {"a": 1, "b": 1}
     assert run._next_rays() == work.first_launch_rays
     run._speeds = [1e6, 2e6, 3e6]
@@ -283,7 +283,7 @@ def test_tasks_are_longer_where_sums_are_large_or_workers_many(two):
     run._to_cut = 4_000_000
     assert run._next_rays() == pytest.approx(1e6, abs=2)
     run._to_cut = 1
-    assert run._next_rays() == pytest.approx(2e6 * LEAST_TASK_SECONDS, abs=2)
+    assert run._next_rays() == pytest.approx(2e6 * MIN_TASK_SECONDS, abs=2)
     run._threads, work.sums_shapes = {str(k): 2 for k in range(500)}, ((10,),)
     assert run._next_rays() == pytest.approx(2e6 * 10, abs=2)  # the scheduler gets 100 tasks a second
 

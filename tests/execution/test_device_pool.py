@@ -16,9 +16,9 @@ from scenes import coarse
 from irtscots_cl.cli import run
 from irtscots_cl.cli.common import DEFAULTS, site_arguments
 from irtscots_cl.execution import device_pool as module
-from irtscots_cl.execution.checkpoint import Interrupted, Keeper
-from irtscots_cl.execution.device_pool import Crew, Member, together
-from irtscots_cl.execution.launch_plan import Pace
+from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
+from irtscots_cl.execution.device_pool import DevicePool, PooledDevice, open_pool
+from irtscots_cl.execution.launch_plan import RateMeter
 from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.opencl.device import Device, DeviceError, all_devices
 from irtscots_cl.tracing.estimators.sequential import Tracer
@@ -39,11 +39,11 @@ class Counted:
     seconds_per_ray: that its launches claim to take.
     """
 
-    def __init__(self, streams=7, most=50, fails_at=None, fails_in_sums=False, seconds_per_ray=1e-6, per_item=4):
-        self.streams, self.max_rays_per_item, self.first_launch_rays = streams, per_item, 40
-        self.pace, self.facts, self.launches = Pace(), {"code": "a"}, 0
+    def __init__(self, sources=7, most=50, fails_at=None, fails_in_sums=False, seconds_per_ray=1e-6, per_item=4):
+        self.sources, self.max_rays_per_item, self.first_launch_rays = sources, per_item, 40
+        self.rate_meter, self.facts, self.launches = RateMeter(), {"code": "a"}, 0
         self.fails_at, self.fails_in_sums, self.seconds_per_ray = fails_at, fails_in_sums, seconds_per_ray
-        self.counts = np.zeros((streams, most), np.uint64)
+        self.counts = np.zeros((sources, most), np.uint64)
 
     def clear(self):
         self.counts[:] = 0
@@ -51,9 +51,9 @@ class Counted:
     def launch(self, replicate, part):
         self.launches += 1
         time.sleep(2e-4)  # so that another thread gets its turn
-        stream, streams, ray, rays = part
-        self.counts[stream : stream + streams, ray : ray + rays] += np.uint64(replicate + 1)
-        self.pace.launched(streams * rays, streams * rays * self.seconds_per_ray)
+        source, sources, ray, rays = part
+        self.counts[source : source + sources, ray : ray + rays] += np.uint64(replicate + 1)
+        self.rate_meter.launched(sources * rays, sources * rays * self.seconds_per_ray)
         if self.launches == self.fails_at:
             raise DeviceError(f"device {self.launches}: broken")
 
@@ -64,29 +64,29 @@ class Counted:
 
 
 def crew_of(device, jobs):
-    return Crew([Member(device, job) for job in jobs])
+    return DevicePool([PooledDevice(device, job) for job in jobs])
 
 
-def expected(streams, rays, most=50):
-    counts = np.zeros((len(rays), streams, most), np.uint64)
-    for replicate, of_stream in enumerate(rays):
-        counts[replicate, :, :of_stream] = replicate + 1
+def expected(sources, rays, most=50):
+    counts = np.zeros((len(rays), sources, most), np.uint64)
+    for replicate, per_source in enumerate(rays):
+        counts[replicate, :, :per_source] = replicate + 1
     return counts
 
 
 @settings(deadline=None, max_examples=40)
 @given(
-    streams=st.integers(1, 9),
+    sources=st.integers(1, 9),
     rays=st.lists(st.integers(1, 50), min_size=1, max_size=3),
     fails=st.lists(st.none() | st.integers(1, 6), min_size=0, max_size=3),
     launch_rays=st.integers(1, 200),
 )
-def test_every_ray_is_traced_once_whatever_fails(device, streams, rays, fails, launch_rays):
-    jobs = [Counted(streams), *(Counted(streams, fails_at=at) for at in fails)]
+def test_every_ray_is_traced_once_whatever_fails(device, sources, rays, fails, launch_rays):
+    jobs = [Counted(sources), *(Counted(sources, fails_at=at) for at in fails)]
     crew = crew_of(device, jobs)
     (counts,) = run_rays(crew, np.array(rays), launch_rays=launch_rays)
     crew.close()
-    np.testing.assert_array_equal(counts, expected(streams, rays))
+    np.testing.assert_array_equal(counts, expected(sources, rays))
 
 
 def test_a_device_whose_sums_are_lost_is_left_out_and_its_rays_traced_again(device, caplog):
@@ -122,9 +122,9 @@ def test_all_devices_failing_is_the_last_one_s_error(device):
 def test_a_faster_device_takes_larger_pieces(device):
     slow, fast = Counted(100), Counted(100)
     crew = crew_of(device, [slow, fast])
-    slow.pace.launched(1000, 1.0)
-    fast.pace.launched(3_000_000, 1.0)
-    slow.pace.launched(1_000_000, 1.0)
+    slow.rate_meter.launched(1000, 1.0)
+    fast.rate_meter.launched(3_000_000, 1.0)
+    slow.rate_meter.launched(1_000_000, 1.0)
     crew._todo.append((0, (0, 100, 0, 2**18)))
     taken = [crew._take(member)[1][1] for member in crew._members]
     assert taken == [12, 33]  # half of a quarter of 100 streams, half of three quarters of the rest
@@ -168,7 +168,7 @@ def test_a_device_that_cannot_be_built_for_is_left_out(device, two, caplog):
             raise DeviceError("device 9:9: has no double precision")
         return Counted()
 
-    with together(two, build) as (job, facts):
+    with open_pool(two, build) as (job, facts):
         assert run_rays(job, np.array([5]))[0].sum() == 35 and facts() == device.describe()
     assert [record.levelno for record in caplog.records] == [logging.WARNING]
     assert "has no double precision" in caplog.text
@@ -177,19 +177,19 @@ def test_a_device_that_cannot_be_built_for_is_left_out(device, two, caplog):
         raise DeviceError("cannot")
 
     with pytest.raises(DeviceError, match="^cannot$"):
-        together(two, none)
+        open_pool(two, none)
 
 
 def test_an_interrupted_trace_of_two_devices_goes_on_on_one(device, two, tmp_path):
     path, whole = tmp_path / "kept", trace(coarse(), device=device, **RAYS)
-    keeper = Keeper(path)
+    keeper = Checkpoints(path)
 
     def stop(done, total):
         keeper.stop = done > total / 3
 
     with pytest.raises(Interrupted):
         trace(coarse(), device=two, launch_rays=30_000, progress=stop, keeper=keeper, **RAYS)
-    gone_on = trace(coarse(), device=device, keeper=Keeper(path, resume=True), **RAYS)
+    gone_on = trace(coarse(), device=device, keeper=Checkpoints(path, resume=True), **RAYS)
     np.testing.assert_array_equal(gone_on.counts, whole.counts)
 
 
@@ -210,4 +210,4 @@ def test_no_thread_is_left(two):
 
 
 def test_what_differs_is_told():
-    assert module.differing([{"a": 1, "b": "x"}, {"a": 1, "b": "y"}]) == {"a": 1, "b": "x + y"}
+    assert module.merge_descriptions([{"a": 1, "b": "x"}, {"a": 1, "b": "y"}]) == {"a": 1, "b": "x + y"}

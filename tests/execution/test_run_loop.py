@@ -7,16 +7,16 @@ import json
 
 import numpy as np
 import pytest
-from counting_job import PER_ITEM, RAYS, STREAMS, CountingJob, same
+from counting_job import PER_ITEM, RAYS, SOURCES, CountingJob, same
 from synthetic import small_scene
 
 from irtscots_cl.execution import checkpoint
-from irtscots_cl.execution.checkpoint import Interrupted, Keeper
+from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
 from irtscots_cl.execution.checkpoint_file import FORMAT, write_checkpoint
-from irtscots_cl.execution.launch_plan import Place, plan_launches
+from irtscots_cl.execution.launch_plan import Cursor, plan_launches
 from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.tracing.estimators.nonsequential import PathTracer
-from irtscots_cl.tracing.estimators.path_sums import Kept
+from irtscots_cl.tracing.estimators.path_sums import TrackedPaths
 from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.trace import trace, trace_paths
 
@@ -30,53 +30,53 @@ def eager(monkeypatch):
     monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)
 
 
-def plan_from(place, rays, launch_rays):
+def plan_from(cursor, rays, launch_rays):
     """(part, place after it) of what is left of a replicate."""
-    for part in plan_launches(STREAMS, rays, lambda: launch_rays, PER_ITEM, place):
-        place = place.after(part, STREAMS, rays)
-        yield part, place
+    for part in plan_launches(SOURCES, rays, lambda: launch_rays, PER_ITEM, cursor):
+        cursor = cursor.after(part, SOURCES, rays)
+        yield part, cursor
 
 
 @pytest.mark.parametrize("rays", [1, 4, 5, 13, 16])
 @pytest.mark.parametrize("sizes", list(itertools.product([1, 3, 13, 40, 1000], repeat=2)))
 def test_a_plan_goes_on_from_any_launch_with_launches_of_another_size(rays, sizes):
-    first = list(plan_from(Place(), rays, sizes[0]))
-    assert first[-1][1] == Place(1)
+    first = list(plan_from(Cursor(), rays, sizes[0]))
+    assert first[-1][1] == Cursor(1)
     for stop in range(len(first)):
-        place = first[stop - 1][1] if stop else Place()
-        parts = [part for part, _ in first[:stop]] + [part for part, _ in plan_from(place, rays, sizes[1])]
-        traced = np.zeros((STREAMS, rays), int)
-        for stream, streams, ray, count in parts:
+        cursor = first[stop - 1][1] if stop else Cursor()
+        parts = [part for part, _ in first[:stop]] + [part for part, _ in plan_from(cursor, rays, sizes[1])]
+        traced = np.zeros((SOURCES, rays), int)
+        for source, sources, ray, count in parts:
             assert ray % PER_ITEM == 0
-            traced[stream : stream + streams, ray : ray + count] += 1
+            traced[source : source + sources, ray : ray + count] += 1
         assert (traced == 1).all()
-        done = sum(streams * count for _, streams, _, count in parts[:stop])
-        assert place.rays_before(np.array([rays]), STREAMS) == done
-        place.check(np.array([rays]), STREAMS, PER_ITEM)
+        done = sum(sources * count for _, sources, _, count in parts[:stop])
+        assert cursor.rays_before(np.array([rays]), SOURCES) == done
+        cursor.check(np.array([rays]), SOURCES, PER_ITEM)
 
 
 @pytest.mark.parametrize(
-    "place",
+    "cursor",
     [(-1, 0, 0, 0), (4, 0, 0, 0), (3, 4, 0, 0), (0, 3, 0, 0), (0, -4, 0, 0), (0, 16, 0, 0), (0, 0, 4, 0), (0, 0, 4, 5),
      (0, 0, 4, -1), (0, 0, 0, 1), (0, 0, 3, 1), (0, 12, 4, 1), (0, 0, -4, 1), (0.0, 0, 0, 0), (True, 0, 0, 0),
      (2, 12, 0, 0), (10**30, 0, 0, 0), (0, 10**30, 0, 0), ("0", 0, 0, 0), (None, 0, 0, 0), (3, 0, 1, 1)],
 )  # fmt: skip
-def test_places_that_no_plan_passes_are_refused(place):
+def test_places_that_no_plan_passes_are_refused(cursor):
     with pytest.raises(ValueError, match="place"):
-        Place(*place).check(RAYS, STREAMS, PER_ITEM)
+        Cursor(*cursor).check(RAYS, SOURCES, PER_ITEM)
 
 
-@pytest.mark.parametrize("place", [(0, 0, 0, 0), (0, 12, 1, 4), (1, 8, 4, 1), (0, 4, 9, 2), (3, 0, 0, 0)])
-def test_places_that_a_plan_passes_are_not(place):
-    Place(*place).check(RAYS, STREAMS, PER_ITEM)
+@pytest.mark.parametrize("cursor", [(0, 0, 0, 0), (0, 12, 1, 4), (1, 8, 4, 1), (0, 4, 9, 2), (3, 0, 0, 0)])
+def test_places_that_a_plan_passes_are_not(cursor):
+    Cursor(*cursor).check(RAYS, SOURCES, PER_ITEM)
 
 
 def test_every_ray_once_and_progress_to_the_end():
     job, seen, so_far = CountingJob(), [], []
     found = run_rays(job, RAYS, lambda *numbers: seen.append(numbers), 20, finished=so_far.append)
-    assert found[0].shape == (3, STREAMS, 1) and found[1].shape == (3, 3)
-    assert found[1][:, 0].tolist() == (RAYS * STREAMS).tolist()
-    total = int(RAYS.sum()) * STREAMS
+    assert found[0].shape == (3, SOURCES, 1) and found[1].shape == (3, 3)
+    assert found[1][:, 0].tolist() == (RAYS * SOURCES).tolist()
+    total = int(RAYS.sum()) * SOURCES
     assert [t for _, t in seen] == [total] * len(seen) and seen[-1] == (total, total)
     assert [n for n, _ in seen] == np.cumsum([part[2] * part[4] for part in job.launches]).tolist()
     assert [len(part[0]) for part in so_far] == [1, 2]  # the last is the result
@@ -88,7 +88,7 @@ def resumed(path, stop_after, launch_rays):
     """Interrupted after every so many launches, with launches of another size each time: sums, number of interrupts."""
     interrupts = 0
     while True:
-        keeper, seen = Keeper(path, resume=True), []
+        keeper, seen = Checkpoints(path, resume=True), []
 
         def stop(done, total, seen=seen, keeper=keeper):
             seen.append(done)
@@ -120,11 +120,11 @@ def test_a_run_that_dies_goes_on_from_its_last_save(tmp_path, eager):
                 raise RuntimeError("power failure")
 
         with pytest.raises(RuntimeError):
-            run_rays(CountingJob(), RAYS, die, 4, Keeper(path).file_of(FACTS))
+            run_rays(CountingJob(), RAYS, die, 4, Checkpoints(path).file_of(FACTS))
         job = CountingJob()
-        assert same(run_rays(job, RAYS, None, 4, Keeper(path, resume=True).file_of(FACTS)), expected)
+        assert same(run_rays(job, RAYS, None, 4, Checkpoints(path, resume=True).file_of(FACTS)), expected)
         traced = sum(part[2] * part[4] for part in job.launches)
-        lost = traced + (seen[-2][0] if dies_at > 1 else 0) - RAYS.sum() * STREAMS
+        lost = traced + (seen[-2][0] if dies_at > 1 else 0) - RAYS.sum() * SOURCES
         assert lost == 0  # but the launch after which it died, all was in the file
 
 
@@ -164,7 +164,7 @@ def test_every_estimator_goes_on_to_the_same_bits(device, tmp_path, way, monkeyp
     expected, path, interrupts = bits(trace(scene, **options)), tmp_path / "kept", 0
     assert len(expected) > 2
     while True:
-        keeper, seen = Keeper(path, resume=True), []
+        keeper, seen = Checkpoints(path, resume=True), []
 
         def stop(*numbers, seen=seen, keeper=keeper, launches=1 + 2 * interrupts):
             seen.append(numbers)
@@ -181,7 +181,7 @@ def test_every_estimator_goes_on_to_the_same_bits(device, tmp_path, way, monkeyp
 def test_seconds_of_earlier_processes_count(device, tmp_path):
     """Or rays per second would be told too high."""
     options, path = {"device": device, "rays_per_pixel": 400, "replicates": 2}, tmp_path / "kept"
-    keeper = Keeper(path)
+    keeper = Checkpoints(path)
     with pytest.raises(Interrupted):
         trace(SCENE, **options, keeper=keeper, progress=lambda *_: setattr(keeper, "stop", True))
     line, sums = path.read_bytes().split(b"\n", 1)
@@ -189,7 +189,7 @@ def test_seconds_of_earlier_processes_count(device, tmp_path):
     assert 0 < header["seconds"]["kernels"] < header["seconds"]["trace"] < 60
     header["seconds"] = {"trace": 2000.0, "kernels": 1000.0}
     write_checkpoint(path, json.dumps(header).encode(), [np.frombuffer(sums[: -checkpoint.DIGEST_BYTES], np.uint8)])
-    after = trace(SCENE, **options, keeper=Keeper(path, resume=True)).seconds
+    after = trace(SCENE, **options, keeper=Checkpoints(path, resume=True)).seconds
     assert 2000 < after["trace"] < 2060 and 1000 < after["kernels"] < 1060
 
 
@@ -198,13 +198,13 @@ def test_the_wider_windows_of_a_trace_are_gone_on_with(device, tmp_path, monkeyp
     from irtscots_cl.optics.screen_windows import place_windows
     from irtscots_cl.tracing.estimators import sequential as tracer
 
-    monkeypatch.setattr(tracer, "place_windows", lambda calibration, margin: place_windows(calibration, margin - 2))
+    monkeypatch.setattr(tracer, "place_windows", lambda chief, margin: place_windows(chief, margin - 2))
     margins, made = [], tracer.Tracer
     monkeypatch.setattr(tracer, "Tracer", lambda *given, **more: margins.append(given[3]) or made(*given, **more))
     options = {"device": device, "rays_per_pixel": 300, "replicates": 2, "launch_rays": 2**15}
     expected = bits(trace(SCENE, **options))
     assert margins == [1, 2]
-    keeper, seen = Keeper(tmp_path / "kept"), []
+    keeper, seen = Checkpoints(tmp_path / "kept"), []
 
     def stop(done, total):
         seen.append(done)
@@ -213,18 +213,18 @@ def test_the_wider_windows_of_a_trace_are_gone_on_with(device, tmp_path, monkeyp
     with pytest.raises(Interrupted):
         trace(SCENE, **options, keeper=keeper, progress=stop)
     assert margins == [1, 2, 1, 2]
-    assert bits(trace(SCENE, **options, keeper=Keeper(tmp_path / "kept", resume=True))) == expected
+    assert bits(trace(SCENE, **options, keeper=Checkpoints(tmp_path / "kept", resume=True))) == expected
     assert margins == [1, 2, 1, 2, 2]
     monkeypatch.setattr(checkpoint, "LEAST_SECONDS", 0.0)
     monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)  # what was saved of the first does not stop the second
-    assert bits(trace(SCENE, **options, keeper=Keeper(tmp_path / "new", resume=True))) == expected
+    assert bits(trace(SCENE, **options, keeper=Checkpoints(tmp_path / "new", resume=True))) == expected
 
 
 def test_the_readmes_way_to_keep_a_trace(device, tmp_path):
     options = {"device": device, "rays_per_pixel": 2**12, "launch_rays": 2**16}
     with pytest.raises(Interrupted):
-        trace(SCENE, **options, keeper=Keeper(str(tmp_path / "kept"), resume=True, max_seconds=1e-6))
-    again = trace(SCENE, **options, keeper=Keeper(str(tmp_path / "kept"), resume=True))
+        trace(SCENE, **options, keeper=Checkpoints(str(tmp_path / "kept"), resume=True, max_seconds=1e-6))
+    again = trace(SCENE, **options, keeper=Checkpoints(str(tmp_path / "kept"), resume=True))
     assert bits(again) == bits(trace(SCENE, **options))
 
 
@@ -243,14 +243,14 @@ def test_found_paths_do_not_depend_on_the_order_of_their_rays(device, monkeypatc
 
         monkeypatch.setattr(tracer._workspace, "download", download)
         kept.append(tracer.find())
-    assert kept == [Kept((2, 1), (1.0, 1.0))] * 3
+    assert kept == [TrackedPaths((2, 1), (1.0, 1.0))] * 3
 
 
 def test_other_paths_are_no_part_of_a_kept_trace(device, tmp_path, monkeypatch):
     options = {"device": device, "rays_per_pixel": 64, "replicates": 2}
-    keeper = Keeper(tmp_path / "kept")
+    keeper = Checkpoints(tmp_path / "kept")
     with pytest.raises(Interrupted):
         trace_paths(GHOSTS, **options, keeper=keeper, progress=lambda *_: setattr(keeper, "stop", True))
     monkeypatch.setattr("irtscots_cl.tracing.estimators.nonsequential.PILOT_RAYS", 2**14)
     with pytest.raises(ValueError, match="of another run: other paths"):
-        trace_paths(GHOSTS, **options, keeper=Keeper(tmp_path / "kept", resume=True))
+        trace_paths(GHOSTS, **options, keeper=Checkpoints(tmp_path / "kept", resume=True))

@@ -3,10 +3,10 @@
 
 #define FIELDS 10
 
-// Parameters: receivers [slots]; chosen [grid 0] slots; paths [grid 0][grid 1 x BLOCK][FIELDS]: where the line to the
+// Parameters: receivers [visible_pixels]; chosen [grid 0] visible_pixels; paths [grid 0][grid 1 x BLOCK][FIELDS]: where the line to the
 // mirror crosses z = 0, mirror point in world coordinates, screen position in the screen's frame, weight, the unit disk's
 // point; marks [same rays][2]: met the mirror, runs towards the screen.
-// Grid: (slots chosen, rays of each / BLOCK).
+// Grid: (visible_pixels chosen, rays of each / BLOCK).
 __kernel void trace_paths_adjoint(__constant Scene *scene, const Launch launch, __global const Receiver *receivers,
                                   __global const uint *chosen, __global real *paths, __global int *marks) {
     const Receiver receiver = receivers[chosen[get_global_id(0)]];

@@ -4,18 +4,18 @@
 
 #define FIELDS 11
 
-// Parameters: emitters [screen pixels]; streams [grid 0] screen pixel numbers; paths [grid 0][grid 1 x BLOCK][FIELDS]:
+// Parameters: emitters [screen pixels]; sources [grid 0] screen pixel numbers; paths [grid 0][grid 1 x BLOCK][FIELDS]:
 // where the line to the mirror crosses z = 0, mirror point in world coordinates, aperture position and slopes in the
 // camera's frame, the unit disk's point; marks [same rays][3]: met the mirror, went through the aperture, detector pixel
 // or -1.
-// Grid: (streams, rays of each / BLOCK).
+// Grid: (sources, rays of each / BLOCK).
 __kernel void trace_paths_forward(__constant Scene *scene, const Launch launch, __global const Emitter *emitters,
-                                  __global const uint *streams, __global real *paths, __global int *marks) {
-    const Emitter emitter = emitters[streams[get_global_id(0)]];
+                                  __global const uint *sources, __global real *paths, __global int *marks) {
+    const Emitter emitter = emitters[sources[get_global_id(0)]];
     const size_t block = get_global_id(0) * get_global_size(1) + get_global_id(1);
     Sampler sampler;
     Words words;
-    sampler_begin(&sampler, &launch, streams[get_global_id(0)]);
+    sampler_begin(&sampler, &launch, sources[get_global_id(0)]);
     sampler_block(&sampler, launch.first_ray + get_global_id(1) * BLOCK, &words);
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
         const Direction aim = forward_aim(&emitter, &words, v);

@@ -12,7 +12,7 @@ from irtscots_cl.maths.integration import METHODS, integrate_slopes, modal
 from irtscots_cl.maths.integration import zonal_rules as rises
 from irtscots_cl.maths.integration.node_graph import NodeGraph
 from irtscots_cl.maths.low_order import remove_terms, rms
-from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.presets import load_scene
 
@@ -197,14 +197,14 @@ def test_both_components_of_the_pair_vector_count(method):
 def test_islands_have_their_own_piston_and_diagonals_do_not_join(method):
     x, y = sheared_grid(*ISLANDS.shape)
     p, q = np.random.default_rng(2).normal(size=(2, *ISLANDS.shape))
-    together = integrate_slopes(x, y, p, q, ISLANDS, method)
-    assert together[0, 3] == 0.0  # alone
+    open_pool = integrate_slopes(x, y, p, q, ISLANDS, method)
+    assert open_pool[0, 3] == 0.0  # alone
     for rows, columns in ((slice(0, 2), slice(0, 2)), (slice(2, 4), slice(2, 4)), (slice(5, 6), slice(None))):
         alone = np.zeros_like(ISLANDS)
         alone[rows, columns] = True
         apart = integrate_slopes(x, y, p, q, alone, method)
-        assert np.abs(apart[alone] - together[alone]).max() < 1e-12  # heights of 100, rounding
-        assert abs(together[alone].mean()) < 1e-13 and np.ptp(together[alone]) > 1
+        assert np.abs(apart[alone] - open_pool[alone]).max() < 1e-12  # heights of 100, rounding
+        assert abs(open_pool[alone].mean()) < 1e-13 and np.ptp(open_pool[alone]) > 1
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -270,20 +270,20 @@ def test_values_outside_the_mask_are_never_read(method):
 
 
 @pytest.mark.parametrize(
-    ("method", "least_nm", "most_nm"),
+    ("method", "min_nm", "most_nm"),
     # seen: 0.304, 0.0016, 0.0003 and 0; without the pixels at the edge 0.28, 0.0016, 0.0003
     [("southwell", 0.25, 0.35), ("cubic", 0, 0.002), ("spline", 0, 0.0005), ("modal", 0, 1e-8)],
 )
-def test_error_on_the_deviation_of_six_zernike_terms(method, least_nm, most_nm):
+def test_error_on_the_deviation_of_six_zernike_terms(method, min_nm, most_nm):
     """At the points that 125 x 125 pixels see; the rim's pixels see only part of their footprint on the mirror."""
     scene = load_scene("sphere-deviated")
-    footprint = calibrate(scene.nominal()).footprint
+    footprint = chief_rays(scene.nominal()).footprint
     mask = footprint.coverage >= 0.5
     assert (footprint.coverage[mask] < 1).sum() > 200
     x, y = (np.where(mask, v, 0.0) for v in (footprint.x_mm, footprint.y_mm))
     z, p, q = Surface.of(scene.mirror).deviation_at(x, y)
     error = remove_terms(x, y, integrate_slopes(x, y, p, q, mask, method) - z, mask, "piston_tilt")
-    assert least_nm * NM <= rms(error, mask) <= most_nm * NM
+    assert min_nm * NM <= rms(error, mask) <= most_nm * NM
     assert np.nanmax(np.abs(error)) < 12 * most_nm * NM  # no node at the edge stands out: 4, 7 and 12 times the rms
 
 

@@ -13,8 +13,8 @@ from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_profiles import profile_centroids, sampled_centroids, sampling_error
-from irtscots_cl.optics.chief_rays import calibrate
-from irtscots_cl.optics.pixel.response import PixelLight, pixel_light
+from irtscots_cl.optics.chief_rays import chief_rays
+from irtscots_cl.optics.pixel.response import PixelResponse, pixel_response
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.trace import trace
 
@@ -22,9 +22,9 @@ A, D = 0.5, 0.2  # the paper's aperture radius and line width [mm]
 SLOPE_PER_MM = 1 / (2 * 4166.747 * np.cos(np.radians(3)))  # at the vertex of the paper's sphere
 
 
-def line_sampling_error(calibration, positions_mm, centre_mm, mask, k):
+def line_sampling_error(chief, positions_mm, centre_mm, mask, k):
     """sampling_error on the detector's grid, NaN outside the mask."""
-    light = pixel_light(calibration.scene)
+    light = pixel_response(chief.scene)
     error = np.full(mask.size, np.nan)
     error[light.pixels] = sampling_error(positions_mm, light, "uv"[k], centre_mm.ravel()[light.pixels])
     return np.where(mask, error.reshape(mask.shape), np.nan)
@@ -32,19 +32,19 @@ def line_sampling_error(calibration, positions_mm, centre_mm, mask, k):
 
 @pytest.fixture(scope="module")
 def sphere():
-    """Calibration of the paper's sphere, its mask, and the true centroids of its pixels along x and y."""
-    calibration = calibrate(load_scene("sphere"))
-    row, column = np.meshgrid(*(np.arange(n) for n in calibration.shape), indexing="ij")
-    _, u, v = calibration.reverse(row, column)
-    return calibration, calibration.footprint.coverage >= 0.5, (u, v)
+    """ChiefRays of the paper's sphere, its mask, and the true centroids of its pixels along x and y."""
+    chief = chief_rays(load_scene("sphere"))
+    row, column = np.meshgrid(*(np.arange(n) for n in chief.shape), indexing="ij")
+    _, u, v = chief.reverse(row, column)
+    return chief, chief.footprint.coverage >= 0.5, (u, v)
 
 
 @pytest.fixture(scope="module")
 def sampling(sphere):
-    calibration, mask, centres = sphere
-    pattern = LineScan(calibration.scene)
+    chief, mask, centres = sphere
+    pattern = LineScan(chief.scene)
     return [
-        line_sampling_error(calibration, pattern.positions_mm("xy"[k]), centres[k], mask, k) for k in (0, 1)
+        line_sampling_error(chief, pattern.positions_mm("xy"[k]), centres[k], mask, k) for k in (0, 1)
     ]
 
 
@@ -56,8 +56,8 @@ def test_sampling_by_lines_costs_0_095_microradians_on_the_paper_s_sphere(sphere
 
 
 def test_sampling_by_lines_costs_1_5_nanometres_on_the_paper_s_sphere(sphere, sampling):
-    calibration, mask, _ = sphere
-    x, y = calibration.footprint.x_mm, calibration.footprint.y_mm
+    chief, mask, _ = sphere
+    x, y = chief.footprint.x_mm, chief.footprint.y_mm
     heights = integrate_slopes(x, y, -sampling[0] * SLOPE_PER_MM, -sampling[1] * SLOPE_PER_MM, mask)
     error = rms(remove_terms(x, y, heights, mask, "piston_tilt"), mask) * 1e6
     assert 1.40 < error < 1.55  # 1.46 nm with rays, "about 1.5"; it varies a little with where the pixels see
@@ -65,14 +65,14 @@ def test_sampling_by_lines_costs_1_5_nanometres_on_the_paper_s_sphere(sphere, sa
 
 @pytest.mark.parametrize("pixel", [(62, 62), (80, 55), (30, 90), (75, 75), (62, 20)])
 def test_the_sampling_error_of_a_pixel_is_that_of_its_many_rays(sphere, sampling, pixel):
-    calibration, _, _ = sphere
+    chief, _, _ = sphere
     n, points = 12, 10_000
     step = (np.arange(n) + 0.5) / n - 0.5
     step_row, step_column = (s.ravel()[:, None] for s in np.meshgrid(step, step, indexing="ij"))
     radius = A * np.sqrt((np.arange(points) + 0.5) / points)
     # a sunflower, even over the disk, turned anew for each part of the pixel
     angle = np.arange(points) * np.pi * (3 - np.sqrt(5)) + np.arange(n * n)[:, None] * 4.7437
-    _, *landing = calibration.reverse(
+    _, *landing = chief.reverse(
         pixel[0] + step_row, pixel[1] + step_column, radius * np.cos(angle), radius * np.sin(angle)
     )
     for k, mm in enumerate(landing):
@@ -81,8 +81,8 @@ def test_the_sampling_error_of_a_pixel_is_that_of_its_many_rays(sphere, sampling
 
 
 def test_lines_finer_than_the_light_cost_nothing(sphere):
-    calibration, mask, centres = sphere
-    fine = line_sampling_error(calibration, np.arange(-2.5, 2.5, 0.01), centres[0], mask, 0)
+    chief, mask, centres = sphere
+    fine = line_sampling_error(chief, np.arange(-2.5, 2.5, 0.01), centres[0], mask, 0)
     assert rms(fine, mask) < 1e-6  # mm; falls as the 5/2 power of the width, from 8e-4 mm at 0.2 mm
 
 
@@ -105,7 +105,7 @@ def curves_of(scene, pitch_mm=0.2):
 
 def errors(scene, scan, centroid_mm):
     """Of centroids [n], against those of the true mirror's light."""
-    light, output = pixel_light(scene), "uv"["xy".index(scan.axis)]
+    light, output = pixel_response(scene), "uv"["xy".index(scan.axis)]
     np.testing.assert_array_equal(light.pixels, scan.pixels)
     return centroid_mm - light.means(output)[0]
 
@@ -124,7 +124,7 @@ def part_of(scan, chosen):
 def test_the_light_s_own_profile_takes_the_sampling_error_away(deviated, k):
     scene, scans = deviated
     raw = centroids(scans[k], scans[k].mean_w())
-    found = profile_centroids(scans[k], pixel_light(scene), raw)
+    found = profile_centroids(scans[k], pixel_response(scene), raw)
     assert root_mean_square(errors(scene, scans[k], raw)) > 3e-4  # mm: a line of 0.2 mm, light of 1 mm
     assert np.abs(errors(scene, scans[k], found)).max() < 1e-7  # mm: where the rounds stop
 
@@ -134,7 +134,7 @@ def test_the_design_s_profile_takes_nine_tenths_of_the_sampling_error_away(devia
     """What the mirror's deviation adds to the profile is a part of a slope's change over a pixel of 43 mm."""
     scene, scans = deviated
     raw = centroids(scans[k], scans[k].mean_w())
-    found = profile_centroids(scans[k], pixel_light(scene.nominal()), raw)
+    found = profile_centroids(scans[k], pixel_response(scene.nominal()), raw)
     left, before = (root_mean_square(errors(scene, scans[k], c)) for c in (found, raw))
     assert 0.01 * before < left < 0.15 * before  # the pixel's image, 0.6 of the light, changes by tenths at most
 
@@ -142,7 +142,7 @@ def test_the_design_s_profile_takes_nine_tenths_of_the_sampling_error_away(devia
 @AXES
 def test_sampled_centroids_are_those_of_the_scene_s_own_curves(deviated, k):
     scene, scans = deviated
-    found = sampled_centroids(scans[k], pixel_light(scene))
+    found = sampled_centroids(scans[k], pixel_response(scene))
     raw = centroids(scans[k], scans[k].mean_w())
     np.testing.assert_allclose(found, raw, rtol=0, atol=1e-9)  # mm: rounding of light that is a small difference
     assert np.abs(errors(scene, scans[k], found)).max() > 1e-4  # they do have the sampling error
@@ -151,19 +151,19 @@ def test_sampled_centroids_are_those_of_the_scene_s_own_curves(deviated, k):
 @pytest.mark.parametrize("threshold", [0.0, 0.05, 0.1, 0.3])
 def test_sampled_centroids_know_the_threshold(deviated, threshold):
     scene, (scan, _) = deviated
-    found = sampled_centroids(scan, pixel_light(scene), threshold)
+    found = sampled_centroids(scan, pixel_response(scene), threshold)
     raw = centroids(scan, scan.mean_w(), threshold)
     np.testing.assert_allclose(found, raw, rtol=0, atol=1e-9)  # mm: as without
     if threshold:
-        assert np.abs(found - sampled_centroids(scan, pixel_light(scene))).max() > 1e-3  # mm: samples are cut off
+        assert np.abs(found - sampled_centroids(scan, pixel_response(scene))).max() > 1e-3  # mm: samples are cut off
 
 
 def test_the_profile_corrects_for_a_threshold(deviated):
     scene, (scan, _) = deviated
     raw = centroids(scan, scan.mean_w(), 0.1)
     before = root_mean_square(errors(scene, scan, raw))
-    found = profile_centroids(scan, pixel_light(scene), raw, 0.1)
-    ignored = profile_centroids(scan, pixel_light(scene), raw)
+    found = profile_centroids(scan, pixel_response(scene), raw, 0.1)
+    ignored = profile_centroids(scan, pixel_response(scene), raw)
     # the cut moves with the light and jumps from line to line, so a round takes less away than without: 0.4 of it
     assert root_mean_square(errors(scene, scan, found)) < 0.4**4 * before
     assert root_mean_square(errors(scene, scan, ignored)) > 0.9 * before  # 5 um by the cut, 0.4 by sampling
@@ -172,10 +172,10 @@ def test_the_profile_corrects_for_a_threshold(deviated):
 @AXES
 def test_a_pixel_without_a_model_keeps_its_centroid(deviated, k):
     scene, scans = deviated
-    light, lost = pixel_light(scene.nominal()), 200
+    light, lost = pixel_response(scene.nominal()), 200
     residual = light.maps.residual.copy()
     residual[:, lost] = 1.0  # mm: far from quadratic
-    partial = PixelLight(light.calibration, light.pixels, dataclasses.replace(light.maps, residual=residual))
+    partial = PixelResponse(light.chief, light.pixels, dataclasses.replace(light.maps, residual=residual))
     raw = centroids(scans[k], scans[k].mean_w())
     found, whole = (profile_centroids(scans[k], known, raw) for known in (partial, light))
     others = np.arange(len(raw)) != lost
@@ -187,9 +187,9 @@ def test_a_pixel_without_a_model_keeps_its_centroid(deviated, k):
 
 def test_a_scene_without_any_model_is_left_as_it_is(deviated):
     scene, (scan, _) = deviated
-    light = pixel_light(scene.nominal())
-    none = PixelLight(
-        light.calibration, light.pixels, dataclasses.replace(light.maps, residual=light.maps.residual + 1.0)
+    light = pixel_response(scene.nominal())
+    none = PixelResponse(
+        light.chief, light.pixels, dataclasses.replace(light.maps, residual=light.maps.residual + 1.0)
     )
     raw = centroids(scan, scan.mean_w())
     np.testing.assert_array_equal(profile_centroids(scan, none, raw), raw)
@@ -199,11 +199,11 @@ def test_a_scene_without_any_model_is_left_as_it_is(deviated):
 @AXES
 def test_scan_and_model_may_know_different_pixels_in_any_order(deviated, k):
     scene, scans = deviated
-    light, count = pixel_light(scene.nominal()), len(scans[k].pixels)
+    light, count = pixel_response(scene.nominal()), len(scans[k].pixels)
     random = np.random.default_rng(2)
     chosen, modelled = random.permutation(count)[:300], random.permutation(count)[:300]
     scan = part_of(scans[k], chosen)
-    partial = PixelLight.of(light.calibration, light.pixels[modelled])
+    partial = PixelResponse.of(light.chief, light.pixels[modelled])
     raw = centroids(scan, scan.mean_w())
     found, sampled = profile_centroids(scan, partial, raw), sampled_centroids(scan, partial)
     both = np.isin(scan.pixels, partial.pixels)
@@ -220,7 +220,7 @@ def test_a_curve_without_light_stays_without_a_centroid(deviated):
     scene, (scan, _) = deviated
     dark = dataclasses.replace(scan, flux_w=scan.flux_w.copy())
     dark.flux_w[:, 7] = 0.0
-    found = profile_centroids(dark, pixel_light(scene.nominal()), centroids(dark, dark.mean_w()))
+    found = profile_centroids(dark, pixel_response(scene.nominal()), centroids(dark, dark.mean_w()))
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(found)), [7])
 
 
@@ -237,7 +237,7 @@ def test_lines_wider_than_the_light_do_no_harm(pitch_mm, part):
     scene, scans = curves_of(small_scene("sphere-deviated", 25), pitch_mm)
     for scan in scans:
         raw = centroids(scan, scan.mean_w())
-        found = profile_centroids(scan, pixel_light(scene.nominal()), raw)
+        found = profile_centroids(scan, pixel_response(scene.nominal()), raw)
         assert np.isfinite(found).all()
         assert root_mean_square(errors(scene, scan, found)) < part * root_mean_square(errors(scene, scan, raw))
         # the light is on the lines that it lights: half a line and its own reach, of 0.6 mm and the pixel's image
@@ -247,7 +247,7 @@ def test_lines_wider_than_the_light_do_no_harm(pitch_mm, part):
 def test_a_single_line_takes_the_screen_s_pitch(deviated):
     """Its positions have no distance to take the pitch from."""
     scene, _ = deviated
-    light = pixel_light(scene.nominal())
+    light = pixel_response(scene.nominal())
     centre = light.means("u")[0]
     positions = LineScan(scene).positions_mm("x")
     np.testing.assert_allclose(

@@ -14,7 +14,7 @@ from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement import reconstruction
 from irtscots_cl.measurement.light_curves import Flag
 from irtscots_cl.measurement.reconstruction import reconstruct
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.mirror import ZernikeTerms
 
@@ -184,7 +184,7 @@ def test_pixels_whose_light_reaches_past_the_screen_are_left_out(screen):
 
 def test_min_coverage_says_which_rim_pixels_are_used(deviated):
     scene, stack, result = deviated
-    coverage = Calibration(scene.nominal()).footprint.coverage
+    coverage = ChiefRays(scene.nominal()).footprint.coverage
     for least in (0.05, 0.5, 1.0):
         found = reconstruct(stack, scene.nominal(), min_coverage=least)
         np.testing.assert_array_equal(found.on_mirror, coverage >= least)

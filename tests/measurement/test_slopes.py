@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from irtscots_cl.measurement.slopes import half_vector_slopes, without_pixel_average
+from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
 
 ROUNDING = 1e-12  # rad; directions of unit length carry 1e-16
 WITHIN = st.floats(-0.3, 0.3)
@@ -113,7 +113,7 @@ def random_polynomial(order, seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_cubic_s_values_follow_exactly_from_its_means(seed):
     value, mean = polynomial(random_polynomial(3, seed), *grid(9))
-    found = without_pixel_average(mean, np.ones((9, 9), bool))
+    found = deconvolve_pixel(mean, np.ones((9, 9), bool))
     assert np.abs(value - mean).max() > 0.1  # there is something to take away
     inner = np.s_[1:-1, 1:-1]
     np.testing.assert_allclose(found[inner], value[inner], rtol=0, atol=1e-12)  # rounding of numbers near 100
@@ -126,7 +126,7 @@ def test_a_quadratic_s_values_follow_exactly_up_to_the_edge(seed):
     x, y = grid(21)
     mask = (np.hypot(x, y) < 9.2) & (np.hypot(x, y) > 2.9)
     value, mean = polynomial(random_polynomial(2, seed), x, y)
-    found = without_pixel_average(mean, mask)
+    found = deconvolve_pixel(mean, mask)
     long_enough = [_run_lengths(m) >= 3 for m in (mask, mask.T)]
     known = mask & long_enough[0] & long_enough[1].T
     assert known.sum() > 0.95 * mask.sum()
@@ -152,7 +152,7 @@ def test_its_error_falls_with_the_fourth_power_of_the_pitch():
         x, y = grid(size, pitch)
         value = np.sin(x + y / 2)
         mean = value * np.sinc(pitch / 2 / np.pi) * np.sinc(pitch / 4 / np.pi)
-        found = without_pixel_average(mean, np.ones_like(value, bool))
+        found = deconvolve_pixel(mean, np.ones_like(value, bool))
         largest.append(np.abs(found - value)[1:-1, 1:-1].max())
         assert largest[-1] < np.abs(mean - value).max() / 10  # smaller than what it takes away
     order = np.log2(np.divide(largest[:-1], largest[1:]))
@@ -161,9 +161,9 @@ def test_its_error_falls_with_the_fourth_power_of_the_pitch():
 
 def test_a_pixel_at_the_edge_borrows_its_neighbour_s_second_difference():
     line = np.array([[1.0, 5.0, 2.0, 9.0, 4.0]])  # second differences -7, 10, -12
-    found = without_pixel_average(line, np.ones_like(line, bool))
+    found = deconvolve_pixel(line, np.ones_like(line, bool))
     np.testing.assert_allclose(found, line - np.array([[-7, -7, 10, -12, -12]]) / 24, rtol=1e-15)  # rounding
-    np.testing.assert_array_equal(without_pixel_average(line.T, np.ones_like(line.T, bool)), found.T)
+    np.testing.assert_array_equal(deconvolve_pixel(line.T, np.ones_like(line.T, bool)), found.T)
 
 
 def test_pixels_outside_the_mask_have_no_say():
@@ -171,14 +171,14 @@ def test_pixels_outside_the_mask_have_no_say():
     mask = np.array([[True, True, True, False, True, True, True, False, True]])
     expected = line - np.array([[-7, -7, -7, 0, -7, -7, -7, 0, 0]]) / 24
     expected[~mask] = NAN
-    np.testing.assert_allclose(without_pixel_average(line, mask), expected, rtol=1e-15)  # rounding
+    np.testing.assert_allclose(deconvolve_pixel(line, mask), expected, rtol=1e-15)  # rounding
 
 
 def test_lone_pixels_and_pairs_keep_their_mean():
     slope = np.random.default_rng(1).normal(size=(6, 7))
     mask = np.zeros((6, 7), bool)
     mask[1, 1] = mask[3, 3] = mask[3, 4] = mask[5, 0] = mask[4, 1] = True  # a pair along a row, two at a corner
-    found = without_pixel_average(slope, mask)
+    found = deconvolve_pixel(slope, mask)
     np.testing.assert_array_equal(found, np.where(mask, slope, NAN))
 
 
@@ -186,8 +186,8 @@ def test_a_row_alone_is_corrected_along_itself():
     slope = np.random.default_rng(2).normal(size=(3, 8))
     mask = np.zeros((3, 8), bool)
     mask[1] = True
-    found = without_pixel_average(slope, mask)
-    np.testing.assert_array_equal(found[1], without_pixel_average(slope[1:2], mask[1:2])[0])
+    found = deconvolve_pixel(slope, mask)
+    np.testing.assert_array_equal(found[1], deconvolve_pixel(slope[1:2], mask[1:2])[0])
     assert (found[1] != slope[1]).all() and np.isnan(found[[0, 2]]).all()
 
 
@@ -195,15 +195,15 @@ def test_leading_axes_are_maps_of_their_own():
     random = np.random.default_rng(3)
     slopes, mask = random.normal(size=(2, 4, 9, 8)), random.random((9, 8)) < 0.8
     before = slopes.copy()
-    found = without_pixel_average(slopes, mask)
+    found = deconvolve_pixel(slopes, mask)
     assert found.shape == slopes.shape
     for k in np.ndindex(2, 4):
-        np.testing.assert_array_equal(found[k], without_pixel_average(slopes[k], mask))
+        np.testing.assert_array_equal(found[k], deconvolve_pixel(slopes[k], mask))
     np.testing.assert_array_equal(slopes, before)  # what was given is left alone
-    assert without_pixel_average(slopes[:0], mask).shape == (0, 4, 9, 8)  # no replicates
+    assert deconvolve_pixel(slopes[:0], mask).shape == (0, 4, 9, 8)  # no replicates
 
 
 def test_a_constant_and_a_tilted_plane_have_nothing_to_take_away():
     x, y = grid(7)
     plane = 0.3 + 2.0 * x - y
-    np.testing.assert_allclose(without_pixel_average(plane, np.ones_like(x, bool)), plane, atol=1e-14)  # rounding
+    np.testing.assert_allclose(deconvolve_pixel(plane, np.ones_like(x, bool)), plane, atol=1e-14)  # rounding

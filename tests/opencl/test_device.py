@@ -124,9 +124,9 @@ def test_many_devices_are_described_together():
     one = {"index": "0:0", "name": "A", "platform": "P", "driver": "1", "kind": "cpu", "compute_units": 2}
     assert module.describe_together([one]) == one
     other = one | {"index": "1:0", "name": "B", "kind": "gpu", "compute_units": 30}
-    together = module.describe_together([one, one, other])
-    assert together["name"] == "2 x A + B" and together["kind"] == "cpu + gpu" and together["platform"] == "P"
-    assert together["compute_units"] == 34 and together["devices"] == [one, one, other]
+    open_pool = module.describe_together([one, one, other])
+    assert open_pool["name"] == "2 x A + B" and open_pool["kind"] == "cpu + gpu" and open_pool["platform"] == "P"
+    assert open_pool["compute_units"] == 34 and open_pool["devices"] == [one, one, other]
 
 
 def test_no_device_at_all_says_what_to_install(monkeypatch):

@@ -15,7 +15,7 @@ from lopsided import lopsided
 from irtscots_cl.opencl.device import DeviceError
 from irtscots_cl.opencl.program import build, check_precision, compose, kernel_files, kernels_folder
 from irtscots_cl.opencl.structs import LAUNCH
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.options import ESTIMATORS
@@ -82,7 +82,7 @@ def scene_for(choices):
     ids=lambda c: "-".join(c.values()),
 )
 def test_every_combination_of_files_composes_and_builds(device, choices):
-    packed = pack(Calibration(scene_for(choices)), "fp32")
+    packed = pack(ChiefRays(scene_for(choices)), "fp32")
     chosen = ("surface", "mirror", "arrival", "aperture", *(["zernike"] if choices["mirror"] == "deviated" else []))
     assert packed.choices == {family: choices[family] for family in chosen}
     for estimator in (*ESTIMATORS, "lines"):
@@ -236,7 +236,7 @@ def test_unknown_names_are_refused(tmp_path):
 
 
 def test_building_twice_gives_the_same_program(device):
-    packed = pack(Calibration(load_scene("sphere")), "fp32")
+    packed = pack(ChiefRays(load_scene("sphere")), "fp32")
     choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
     sources = [compose("trace_adjoint.cl", choices, packed.structs, "fp32", 1) for _ in range(2)]
     assert build(device, sources[0]) is build(device, sources[1])
@@ -250,7 +250,7 @@ def test_no_number_and_no_string_of_a_scene_reaches_the_source(estimator):
     )
     texts = []
     for scene in (first, second):
-        packed = pack(Calibration(scene), "fp32")
+        packed = pack(ChiefRays(scene), "fp32")
         choices = packed.choices | {"sampler": "philox", "accumulate": "tile"}
         texts.append(compose(f"trace_{estimator}.cl", choices, packed.structs, "fp32", 16))
     assert texts[0] == texts[1]

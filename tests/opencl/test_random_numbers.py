@@ -64,9 +64,9 @@ def test_known_answers_on_the_device(device, tmp_path, width, counter, key, outp
 )
 def test_device_words_equal_the_twins(draw, first):
     rays = np.arange(64, dtype=np.uint64) + np.uint64(first)
-    for seed, stream, replicate in [(1, 0, 0), (SEEDS[3], 77, 5), (2**64 - 1, 2**32 - 1, 1023)]:
+    for seed, source, replicate in [(1, 0, 0), (SEEDS[3], 77, 5), (2**64 - 1, 2**32 - 1, 1023)]:
         np.testing.assert_array_equal(
-            draw(seed, stream, replicate, first, 64), sample_words("philox", seed, stream, replicate, rays)
+            draw(seed, source, replicate, first, 64), sample_words("philox", seed, source, replicate, rays)
         )
 
 
@@ -79,8 +79,8 @@ def test_words_do_not_depend_on_where_a_launch_begins(draw):
 def test_no_block_repeats_over_streams_replicates_seeds_and_rays(draw):
     rays_from = [0, 2**32 - 8, 2**33]
     blocks = [
-        draw(seed, stream, replicate, first, 16)
-        for seed, stream, replicate, first in itertools.product(SEEDS, (0, 1, 2, 440), (0, 1, 7), rays_from)
+        draw(seed, source, replicate, first, 16)
+        for seed, source, replicate, first in itertools.product(SEEDS, (0, 1, 2, 440), (0, 1, 7), rays_from)
     ]
     blocks = np.concatenate(blocks)
     # 2880 blocks of 128 bits: a chance repetition has probability 1e-32

@@ -10,7 +10,7 @@ from lopsided import lopsided
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
 from irtscots_cl.opencl.structs import LAUNCH, Fate, c_declarations
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.packing.scene import pack
 
@@ -20,7 +20,7 @@ NAMES = ["Launch", "Emitter", "Receiver", "Frame", "Mirror", "ZernikeTerm", "Zer
 
 def structs_of(scene, precision):
     name = SCENES[scene]
-    return pack(Calibration(load_scene(name) if name else lopsided()), precision).structs
+    return pack(ChiefRays(load_scene(name) if name else lopsided()), precision).structs
 
 
 def run(device, tmp_path, structs, precision, signature, body, inputs, out):

@@ -10,7 +10,7 @@ from lopsided import lopsided
 from significance import poisson_ratio_p, sidak_p
 
 from irtscots_cl.optics.aim import Aim, camera_aim, mirror_aim
-from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.packing.sources import emitters
 from irtscots_cl.tracing.trace import trace
@@ -31,19 +31,19 @@ def scene_of(name):
 def light_into_camera(scene, rays, seed):
     """Screen pixels [k] and directions [k, 2] of rays from all over the detector and the aperture, by the oracle of
     the chief-ray calibration with other random numbers than the aim's own check."""
-    random, calibration = np.random.default_rng(seed), calibrate(scene)
-    rows, columns = calibration.shape
+    random, chief = np.random.default_rng(seed), chief_rays(scene)
+    rows, columns = chief.shape
     angle, radius = random.random(rays) * 2 * np.pi, np.sqrt(random.random(rays)) / 2
     a, b = (scene.camera.aperture_diameter_mm * radius * f(angle) for f in (np.cos, np.sin))
-    points, u, v = calibration.reverse(
+    points, u, v = chief.reverse(
         random.uniform(-0.5, rows - 0.5, rays), random.uniform(-0.5, columns - 0.5, rays), a, b
     )
-    screen, frame = scene.screen, calibration.screen_frame
+    screen, frame = scene.screen, chief.screen_frame
     column, row = (
         np.floor((w - offset) / screen.pitch_mm + n / 2)
         for w, offset, n in zip((u, v), screen.centre_offset_mm, screen.pixels, strict=True)
     )
-    use = calibration.surface.contains(points[:, 0], points[:, 1])
+    use = chief.surface.contains(points[:, 0], points[:, 1])
     use &= (column >= 0) & (column < screen.pixels[0]) & (row >= 0) & (row < screen.pixels[1])
     way = points[use] - frame.to_world(u[use], v[use])
     cosines = way @ frame.axes[:2].T / np.linalg.norm(way, axis=-1, keepdims=True)
@@ -80,10 +80,10 @@ def test_an_aperture_that_takes_all_light_is_aimed_at_with_the_whole_mirror():
 
 
 def test_overfill_scales_the_area_of_either_aim():
-    calibration = calibrate(load_scene("sphere"))
+    chief = chief_rays(load_scene("sphere"))
     for aim in ("mirror", "camera"):
-        once, area = emitters(calibration, "fp32", 1.0, aim)
-        twice, larger = emitters(calibration, "fp32", 2.0, aim)
+        once, area = emitters(chief, "fp32", 1.0, aim)
+        twice, larger = emitters(chief, "fp32", 2.0, aim)
         np.testing.assert_allclose(larger, 2 * area, rtol=1e-12)  # rounding
         np.testing.assert_allclose(twice["aim_ll"], np.sqrt(2) * once["aim_ll"], rtol=1e-6)  # float32's
         np.testing.assert_array_equal(twice["centre_l"], once["centre_l"])

@@ -10,7 +10,7 @@ from lopsided import lopsided
 from oracle import tracer
 from scenes import scene_of
 
-from irtscots_cl.optics.chief_rays import SUBPIXELS, Calibration, check_visible
+from irtscots_cl.optics.chief_rays import SUBPIXELS, ChiefRays, check_visible
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.presets import load_scene, sequential_presets
 from irtscots_cl.scene.validation import SceneError
@@ -33,9 +33,9 @@ def tilted(scene, **noll_um):
 
 @pytest.mark.parametrize("name", [*sequential_presets(), "lopsided"])
 def test_columns_grow_with_the_mirrors_x_and_rows_with_its_y(name):
-    calibration = Calibration(scene_of(name))
-    rows, columns = calibration.shape
-    x, y = calibration.footprint.x_mm, calibration.footprint.y_mm
+    chief = ChiefRays(scene_of(name))
+    rows, columns = chief.shape
+    x, y = chief.footprint.x_mm, chief.footprint.y_mm
     inner = np.isfinite(x[:, 1:]) & np.isfinite(x[:, :-1])
     assert inner.sum() > 1000 and (np.diff(x, axis=1)[inner] > 0).all()
     inner = np.isfinite(y[1:]) & np.isfinite(y[:-1])
@@ -45,20 +45,20 @@ def test_columns_grow_with_the_mirrors_x_and_rows_with_its_y(name):
 
 def test_the_centre_pixel_looks_at_what_the_camera_looks_at():
     scene = load_scene("sphere")
-    calibration = Calibration(scene)
-    points, u, v = calibration.reverse(62, 62)
+    chief = ChiefRays(scene)
+    points, u, v = chief.reverse(62, 62)
     np.testing.assert_allclose(points, [0, 0, 0], rtol=0, atol=1e-12)  # mm: rounding at 4 m
     np.testing.assert_allclose(
         [u, v], [0, 0], rtol=0, atol=1e-9
     )  # mm: presets' positions are equal but for sign
-    _, columns = calibration.shape
-    assert calibration.image_point(0, columns - 1)[0] == pytest.approx(62 * 0.037, rel=1e-14)  # rounding
-    assert calibration.image_point(-0.5, 0)[1] == pytest.approx(-62.5 * 0.037, rel=1e-14)  # rounding
+    _, columns = chief.shape
+    assert chief.image_point(0, columns - 1)[0] == pytest.approx(62 * 0.037, rel=1e-14)  # rounding
+    assert chief.image_point(-0.5, 0)[1] == pytest.approx(-62.5 * 0.037, rel=1e-14)  # rounding
 
 
 def test_a_pixel_covers_about_nine_point_six_millimetres():
-    calibration = Calibration(load_scene("sphere"))
-    step = calibration.footprint.x_mm[62, 63] - calibration.footprint.x_mm[62, 62]
+    chief = ChiefRays(load_scene("sphere"))
+    step = chief.footprint.x_mm[62, 63] - chief.footprint.x_mm[62, 62]
     expected = 0.037 * 4166.747 / 16.0617 / np.cos(np.radians(3))  # seen at 3 degrees from the normal
     assert step == pytest.approx(expected, rel=1e-3)  # the perspective over one pixel
 
@@ -70,7 +70,7 @@ def test_a_tilt_moves_the_light_downhill_by_twice_the_slope(term, axis):
     amount_um = 2.0
     slope = 2 * amount_um * 1e-3 / 532.0  # Noll's tilt is 2 rho cos
     straight, turned = (
-        Calibration(s).reverse(62, 62)[1:] for s in (scene, tilted(scene, **{term: amount_um}))
+        ChiefRays(s).reverse(62, 62)[1:] for s in (scene, tilted(scene, **{term: amount_um}))
     )
     moved = np.subtract(turned, straight)
     assert moved[axis] == pytest.approx(-2 * slope * 4166.747, rel=0.01)  # cos 3 degrees
@@ -81,8 +81,8 @@ def test_power_moves_the_light_of_opposite_pixels_oppositely():
     scene = load_scene("sphere")
     amount_um = 0.5  # sqrt(3) (2 rho^2 - 1): slope 4 sqrt(3) rho / radius
     for row, column, axis, sign in [(62, 100, 0, 1), (62, 24, 0, -1), (100, 62, 1, 1), (24, 62, 1, -1)]:
-        points, *straight = Calibration(scene).reverse(row, column)
-        _, *bent = Calibration(tilted(scene, z4=amount_um)).reverse(row, column)
+        points, *straight = ChiefRays(scene).reverse(row, column)
+        _, *bent = ChiefRays(tilted(scene, z4=amount_um)).reverse(row, column)
         slope = 4 * np.sqrt(3) * amount_um * 1e-3 * points[axis] / 532.0**2
         moved = bent[axis] - straight[axis]
         assert np.sign(points[axis]) == sign == -np.sign(moved)
@@ -91,12 +91,12 @@ def test_power_moves_the_light_of_opposite_pixels_oppositely():
 
 def test_reverse_is_the_oracles_path():
     for scene in (load_scene("off-axis"), lopsided()):
-        calibration = Calibration(scene)
+        chief = ChiefRays(scene)
         generator = np.random.default_rng(8)
         row, column = generator.uniform(10, 45, (2, 300))
         radius = scene.camera.aperture_diameter_mm / 2
         a, b = generator.uniform(-radius, radius, (2, 300))
-        points, u, v = calibration.reverse(row, column, a, b)
+        points, u, v = chief.reverse(row, column, a, b)
         columns, rows = scene.camera.detector.pixels
         image = (
             np.stack([column - (columns - 1) / 2, row - (rows - 1) / 2], -1) * scene.camera.detector.pitch_mm
@@ -109,16 +109,16 @@ def test_reverse_is_the_oracles_path():
 # --- coverage ----------------------------------------------------------------------------------------------
 
 
-def fine_footprint(calibration, which, per_axis=64):
+def fine_footprint(chief, which, per_axis=64):
     """Coverage and centroid [rows, columns] of some rows of pixels, by a fine grid of chief rays each."""
-    columns = calibration.shape[1]
+    columns = chief.shape[1]
     step = (np.arange(per_axis) + 0.5) / per_axis - 0.5
     covered, x, y = np.zeros((3, len(which), columns))
     for k, row in enumerate(which):
-        points, _, _ = calibration.reverse(
+        points, _, _ = chief.reverse(
             row + step[:, None], (np.arange(columns)[:, None] + step)[:, None, :]
         )
-        on = calibration.surface.contains(points[..., 0], points[..., 1])
+        on = chief.surface.contains(points[..., 0], points[..., 1])
         covered[k] = on.mean((1, 2))
         with np.errstate(invalid="ignore"):
             x[k] = np.where(on, points[..., 0], 0).sum((1, 2)) / on.sum((1, 2))
@@ -136,9 +136,9 @@ def test_coverage_and_centroids_against_fine_sampling(name, which):
             scene.camera, detector=replace(scene.camera.detector, pixels=(25, 25), pitch_mm=0.185)
         )
         scene = replace(scene, camera=camera)
-    calibration = Calibration(scene)
-    coverage, x, y = fine_footprint(calibration, np.arange(calibration.shape[0])[which])
-    footprint = calibration.footprint
+    chief = ChiefRays(scene)
+    coverage, x, y = fine_footprint(chief, np.arange(chief.shape[0])[which])
+    footprint = chief.footprint
     found, found_x, found_y = footprint.coverage[which], footprint.x_mm[which], footprint.y_mm[which]
     edge = (coverage > 0) & (coverage < 1)
     assert edge.sum() > 30
@@ -163,16 +163,16 @@ def test_coverage_and_centroids_against_fine_sampling(name, which):
 
 
 def test_covered_area_is_the_mirrors():
-    calibration = Calibration(load_scene("sphere"))
-    corners = calibration.reverse(*np.meshgrid(np.arange(126) - 0.5, np.arange(126) - 0.5, indexing="ij"))[0]
+    chief = ChiefRays(load_scene("sphere"))
+    corners = chief.reverse(*np.meshgrid(np.arange(126) - 0.5, np.arange(126) - 0.5, indexing="ij"))[0]
     d1, d2 = corners[1:, 1:] - corners[:-1, :-1], corners[1:, :-1] - corners[:-1, 1:]
     pixel_area = 0.5 * np.abs(d1[..., 0] * d2[..., 1] - d1[..., 1] * d2[..., 0])
-    area = np.nansum(pixel_area * calibration.footprint.coverage)
+    area = np.nansum(pixel_area * chief.footprint.coverage)
     assert area == pytest.approx(np.pi * 532.0**2, rel=5e-4)  # 340 edge pixels, each to 1 %, of 9600
 
 
 def test_footprint_is_symmetric_where_the_test_is():
-    footprint = Calibration(load_scene("sphere")).footprint
+    footprint = ChiefRays(load_scene("sphere")).footprint
     # the scene is symmetric in y, not in x
     np.testing.assert_array_equal(footprint.coverage, footprint.coverage[::-1])
     np.testing.assert_allclose(
@@ -183,8 +183,8 @@ def test_footprint_is_symmetric_where_the_test_is():
 
 def test_a_hole_takes_its_area():
     scene = load_scene("sphere")
-    whole = Calibration(scene)
-    holed = Calibration(with_mirror(scene, obscuration_mm=200.0))
+    whole = ChiefRays(scene)
+    holed = ChiefRays(with_mirror(scene, obscuration_mm=200.0))
     assert (
         holed.footprint.coverage[62, 62] == 0 and not holed.sees_mirror[62, 62] and whole.sees_mirror[62, 62]
     )
@@ -198,7 +198,7 @@ def test_a_hole_takes_its_area():
 
 
 def test_a_small_hole_is_not_overlooked():
-    holed = Calibration(
+    holed = ChiefRays(
         with_mirror(load_scene("sphere"), obscuration_mm=4.0)
     )  # smaller than a pixel's footprint
     coverage = holed.footprint.coverage
@@ -213,22 +213,22 @@ def test_a_small_hole_is_not_overlooked():
 @pytest.mark.parametrize("name", [*sequential_presets(), "lopsided"])
 def test_sees_mirror_and_landing_range_hold_for_all_rays(name):
     scene = scene_of(name)
-    calibration = Calibration(scene)
-    lowest, highest = calibration.landing_range()
+    chief = ChiefRays(scene)
+    lowest, highest = chief.landing_range()
     generator = np.random.default_rng(10)
-    rows, columns = calibration.shape
+    rows, columns = chief.shape
     pixel_row, pixel_column = generator.integers(0, rows, 40_000), generator.integers(0, columns, 40_000)
     radius = scene.camera.aperture_diameter_mm / 2 * np.sqrt(generator.random(40_000))
     angle = generator.uniform(0, 2 * np.pi, 40_000)
-    points, u, v = calibration.reverse(
+    points, u, v = chief.reverse(
         pixel_row + generator.uniform(-0.5, 0.5, 40_000),
         pixel_column + generator.uniform(-0.5, 0.5, 40_000),
         radius * np.cos(angle),
         radius * np.sin(angle),
     )
-    on = calibration.surface.contains(points[:, 0], points[:, 1])
+    on = chief.surface.contains(points[:, 0], points[:, 1])
     assert on.sum() > 10_000
-    assert calibration.sees_mirror[pixel_row, pixel_column][on].all()
+    assert chief.sees_mirror[pixel_row, pixel_column][on].all()
     screen = scene.screen
     landing = (np.stack([u, v], -1) - screen.centre_offset_mm) / screen.pitch_mm + (
         np.array(screen.pixels) - 1
@@ -249,14 +249,14 @@ def test_a_camera_that_looks_past_the_mirror_is_refused():
     with pytest.raises(
         SceneError, match=r"^mine: camera.look_at_mm = \[3000.0, 0.0, 0.0\]: no detector pixel sees the"
     ):
-        check_visible(Calibration(scene), "mine")
+        check_visible(ChiefRays(scene), "mine")
 
 
 def test_a_screen_beside_the_light_is_refused_with_the_way_to_it():
     scene = load_scene("sphere")
     scene = replace(scene, screen=replace(scene.screen, centre_offset_mm=(-30.0, 12.0)))
     with pytest.raises(SceneError) as caught:
-        check_visible(Calibration(scene), "mine")
+        check_visible(ChiefRays(scene), "mine")
     message = str(caught.value)
     assert message.startswith("mine: screen.position_mm") and "\n" not in message
     x, y = map(float, message.split("about ")[1].split(" mm")[0].split(", "))
@@ -265,4 +265,4 @@ def test_a_screen_beside_the_light_is_refused_with_the_way_to_it():
 
 @pytest.mark.parametrize("name", [*sequential_presets(), "lopsided"])
 def test_visible_scenes_pass(name):
-    check_visible(Calibration(scene_of(name)), name)
+    check_visible(ChiefRays(scene_of(name)), name)

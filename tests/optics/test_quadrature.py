@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from irtscots_cl.optics.pixel.quadrature import Cells, cut_cells, join, whole_cells, without
-from irtscots_cl.optics.pixel.ray_map import OUTPUTS, PixelMap
+from irtscots_cl.optics.pixel.quadrature import PixelQuadrature, cut_cells, join, whole_cells, without
+from irtscots_cl.optics.pixel.ray_map import OUTPUTS, RayMap
 
 ALONG, ACROSS = (3, 2), (8, 9)  # intervals and Gauss points, different along s and t
 _TERMS = ("", "a", "b", "s", "t")
-_PLACE = {"": 0, "b": 1, "a": 2, "t": 3, "s": 4}  # of the monomials in PixelMap.coefficient
+_PLACE = {"": 0, "b": 1, "a": 2, "t": 3, "s": 4}  # of the monomials in RayMap.coefficient
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,13 @@ class Footprints:
         centre = np.asarray(centre, float)
         return cls(centre, *(np.broadcast_to(np.array(step), centre.shape) for step in steps))
 
-    def maps(self) -> PixelMap:
+    def maps(self) -> RayMap:
         count = len(self.centre)
         coefficient = np.zeros((15, 4, count))
         for name, value in zip(_TERMS, (self.centre, self.step_a, self.step_b, self.step_s, self.step_t), strict=True):
             for k, axis in enumerate("xy"):
                 coefficient[_PLACE[name], OUTPUTS.index(axis)] = value[:, k]
-        return PixelMap(np.zeros(count), np.arange(count), coefficient, np.zeros((2, count)))
+        return RayMap(np.zeros(count), np.arange(count), coefficient, np.zeros((2, count)))
 
     def share(self, radius_mm, a=0.0, b=0.0) -> np.ndarray:
         """Share [n] of each pixel's area within radius_mm of the axis: exact chords, many of them side by side.
@@ -69,7 +69,7 @@ class Footprints:
         )
 
 
-def cut(footprints, radius_mm) -> Cells:
+def cut(footprints, radius_mm) -> PixelQuadrature:
     return cut_cells(footprints.maps(), np.arange(len(footprints.centre)), radius_mm, ALONG, ACROSS)
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scenes import scene_of
 
-from irtscots_cl.optics.chief_rays import calibrate
-from irtscots_cl.optics.pixel.ray_map import OUTPUTS, RAYS, PixelMap
+from irtscots_cl.optics.chief_rays import chief_rays
+from irtscots_cl.optics.pixel.ray_map import OUTPUTS, RAYS, RayMap
 from irtscots_cl.scene.presets import load_scene
 
 MONOMIALS = ["".join(m) for order in range(3) for m in combinations_with_replacement("stab", order)]
@@ -25,9 +25,9 @@ BOUND_MM = {
 }
 
 
-def some_pixels(calibration, count, seed=0):
+def some_pixels(chief, count, seed=0):
     """Rows and columns of pixels that see nothing but mirror, also those next to its rim."""
-    row, column = np.nonzero(calibration.footprint.coverage == 1)
+    row, column = np.nonzero(chief.footprint.coverage == 1)
     chosen = np.random.default_rng(seed).choice(len(row), count, replace=False)
     return row[chosen], column[chosen]
 
@@ -40,10 +40,10 @@ def random_points(shape, seed=1):
     return s, t, radius * np.cos(angle), radius * np.sin(angle)
 
 
-def rays(calibration, row, column, s, t, a, b):
+def rays(chief, row, column, s, t, a, b):
     """{output: values} of rays through points of pixels, broadcast."""
-    radius = calibration.scene.camera.aperture_diameter_mm / 2
-    points, u, v = calibration.reverse(row + t / 2, column + s / 2, a * radius, b * radius)
+    radius = chief.scene.camera.aperture_diameter_mm / 2
+    points, u, v = chief.reverse(row + t / 2, column + s / 2, a * radius, b * radius)
     return dict(zip(OUTPUTS, (u, v, points[..., 0], points[..., 1]), strict=True))
 
 
@@ -58,17 +58,17 @@ def evaluated(maps, output, s, t, a, b):
 @pytest.fixture(params=BOUND_MM)
 def mapped(request):
     """(name, calibration, maps) of 200 pixels of a scene"""
-    calibration = calibrate(scene_of(request.param))
-    return request.param, calibration, PixelMap.of(calibration, *some_pixels(calibration, 200))
+    chief = chief_rays(scene_of(request.param))
+    return request.param, chief, RayMap.of(chief, *some_pixels(chief, 200))
 
 
 # --- against rays ------------------------------------------------------------------------------------------
 
 
 def test_maps_are_the_rays(mapped):
-    name, calibration, maps = mapped
+    name, chief, maps = mapped
     points = random_points((200, 30))
-    expected = rays(calibration, maps.row[:, None], maps.column[:, None], *points)
+    expected = rays(chief, maps.row[:, None], maps.column[:, None], *points)
     for output in OUTPUTS:
         error = np.abs(evaluated(maps, output, *points) - expected[output])
         assert error.max() < BOUND_MM[name][output in "xy"]  # see there
@@ -78,9 +78,9 @@ def test_maps_are_the_rays(mapped):
 
 
 def test_centre_is_the_chief_ray(mapped):
-    name, calibration, maps = mapped
+    name, chief, maps = mapped
     s, t, _, _ = random_points((200, 3, 2))
-    expected = rays(calibration, maps.row[:, None, None], maps.column[:, None, None], s, t, 0.0, 0.0)
+    expected = rays(chief, maps.row[:, None, None], maps.column[:, None, None], s, t, 0.0, 0.0)
     for output in OUTPUTS:
         found = maps.centre(output, s, t)
         assert found.shape == (200, 3, 2)
@@ -90,14 +90,14 @@ def test_centre_is_the_chief_ray(mapped):
 
 @pytest.mark.parametrize("along", "stab")
 def test_gradients_are_those_of_finite_differences(mapped, along):
-    name, calibration, maps = mapped
+    name, chief, maps = mapped
     s, t, _, _ = random_points((200, 4))
     step = 0.05
     ends = []
     for sign in (1, -1):
         point = {"s": s, "t": t, "a": np.zeros_like(s), "b": np.zeros_like(s)}
         point[along] = point[along] + sign * step
-        ends.append(rays(calibration, maps.row[:, None], maps.column[:, None], **point))
+        ends.append(rays(chief, maps.row[:, None], maps.column[:, None], **point))
     for output in OUTPUTS:
         differences = (ends[0][output] - ends[1][output]) / (2 * step)
         # A map's error of e at the ends of [-1, 1] bends its slope by up to 4 e (Markov: cubic terms, 9 e at the most)
@@ -110,9 +110,9 @@ WEAK = {"ut", "ub", "vs", "va", "xt", "xb", "ys", "ya"}  # derivatives across: a
 
 
 def test_corner_radii_are_those_of_the_chief_rays(mapped):
-    name, calibration, maps = mapped
+    name, chief, maps = mapped
     corner = np.array([[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5]])
-    points, _, _ = calibration.reverse(maps.row[:, None] + corner[:, 0], maps.column[:, None] + corner[:, 1])
+    points, _, _ = chief.reverse(maps.row[:, None] + corner[:, 0], maps.column[:, None] + corner[:, 1])
     expected = np.hypot(points[..., 0], points[..., 1])
     np.testing.assert_allclose(maps.corner_radius, expected, rtol=0, atol=2 * BOUND_MM[name][1])  # mm: x and y
 
@@ -122,7 +122,7 @@ def test_corner_radii_are_those_of_the_chief_rays(mapped):
 
 @dataclass(frozen=True)
 class Polynomial:
-    """Stands for a Calibration whose rays land at polynomials of (s, t, a, b)."""
+    """Stands for a ChiefRays whose rays land at polynomials of (s, t, a, b)."""
 
     terms: dict[str, dict[str, float]]
     aperture_diameter_mm: float = 3.0
@@ -144,7 +144,7 @@ class Polynomial:
 def test_quadratics_are_found_exactly():
     generator = np.random.default_rng(4)
     terms = {output: dict(zip(MONOMIALS, generator.normal(size=15), strict=True)) for output in OUTPUTS}
-    maps = PixelMap.of(Polynomial(terms), np.zeros(2), np.zeros(2))
+    maps = RayMap.of(Polynomial(terms), np.zeros(2), np.zeros(2))
     for output in OUTPUTS:
         for monomial in MONOMIALS:
             swapped = maps.term(output, monomial[::-1])
@@ -155,7 +155,7 @@ def test_quadratics_are_found_exactly():
 
 def test_what_a_cubic_does_over_the_aperture_alone_is_kept():
     """a^3 and a b^2 become what they are on average over a disk: 1/2 a, 1/6 a; the rest is the residual."""
-    maps = PixelMap.of(Polynomial({"u": {"aaa": 1.0}, "v": {"abb": 1.0}}), np.array([0]), np.array([0]))
+    maps = RayMap.of(Polynomial({"u": {"aaa": 1.0}, "v": {"abb": 1.0}}), np.array([0]), np.array([0]))
     assert maps.term("u", "a")[0] == pytest.approx(1 / 2, abs=1e-13)  # <a^4> / <a^2> of a disk; rounding
     assert maps.term("v", "a")[0] == pytest.approx(1 / 6, abs=1e-13)  # <a^2 b^2> / <a^2> of a disk; rounding
     assert maps.residual[0, 0] > 0.1 and maps.residual[1, 0] > 0.05  # nothing of it is hidden
@@ -164,25 +164,25 @@ def test_what_a_cubic_does_over_the_aperture_alone_is_kept():
 @pytest.mark.parametrize("name", ["sphere-deviated", "off-axis"])
 def test_residuals_grow_with_the_aperture(name):
     scene = load_scene(name)
-    calibration = calibrate(scene)
-    row, column = some_pixels(calibration, 100)
+    chief = chief_rays(scene)
+    row, column = some_pixels(chief, 100)
     rms = []
     for factor in (1.0, 4.0, 8.0):
         camera = replace(scene.camera, aperture_diameter_mm=factor * scene.camera.aperture_diameter_mm)
-        residual = PixelMap.of(calibrate(replace(scene, camera=camera)), row, column).residual
+        residual = RayMap.of(chief_rays(replace(scene, camera=camera)), row, column).residual
         rms.append(np.sqrt(np.mean(residual**2, axis=1)))
     # a cubic in the aperture's radius alone would grow 64 and 8 times; the pixel's part stays
     assert (rms[1] > 1.2 * rms[0]).all() and (rms[2] > 2 * rms[1]).all() and (rms[2] < 9 * rms[1]).all()
 
 
 def test_part_of_the_maps_is_the_maps_of_a_part():
-    calibration = calibrate(load_scene("off-axis"))
-    row, column = some_pixels(calibration, 20)
-    maps = PixelMap.of(calibration, row, column)
+    chief = chief_rays(load_scene("off-axis"))
+    row, column = some_pixels(chief, 20)
+    maps = RayMap.of(chief, row, column)
     mask = np.arange(20) % 3 == 0
     repeated = np.array([7, 7, 0])
     for chosen in (mask, repeated):
-        part, alone = maps.part(chosen), PixelMap.of(calibration, row[chosen], column[chosen])
+        part, alone = maps.part(chosen), RayMap.of(chief, row[chosen], column[chosen])
         for name in ("row", "column"):
             np.testing.assert_array_equal(getattr(part, name), getattr(alone, name))
         np.testing.assert_allclose(part.coefficient, alone.coefficient, rtol=0, atol=1e-10)  # mm: rounding at 4 m

@@ -13,9 +13,9 @@ from scipy import integrate
 from scipy.stats import qmc
 
 from irtscots_cl.imaging.patterns import LineScan
-from irtscots_cl.optics.chief_rays import Calibration, calibrate
+from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
 from irtscots_cl.optics.pixel.chord import chord_cdf, chord_integrals
-from irtscots_cl.optics.pixel.response import MAX_PUSH, PixelLight, pixel_light
+from irtscots_cl.optics.pixel.response import MAX_PUSH, PixelResponse, pixel_response
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.presets import load_scene
 
@@ -65,20 +65,20 @@ class ChordRays:
     share: np.ndarray
 
     @classmethod
-    def of(cls, calibration: Calibration, row: int, column: int, output: str, cut: str = ""):
+    def of(cls, chief: ChiefRays, row: int, column: int, output: str, cut: str = ""):
         """output: "u" or "v", along which the chords run. cut: "rim" or "hole", what part of the pixel sees."""
         log2 = 14 if cut else 15
         inward, across, angle = qmc.Sobol(3, seed=2).random_base2(log2).T[:, :, None]
         across, angle = 2 * across - 1, (angle - 0.5) * np.pi
-        radius = calibration.scene.camera.aperture_diameter_mm / 2
-        normal = _gradient(lambda a, b: calibration.reverse(row, column, a, b)[1 + "uv".index(output)], radius)
+        radius = chief.scene.camera.aperture_diameter_mm / 2
+        normal = _gradient(lambda a, b: chief.reverse(row, column, a, b)[1 + "uv".index(output)], radius)
         normal /= np.hypot(*normal)
         along, aside = radius * np.cos(angle) * NODES, radius * np.sin(angle)
         a, b = normal[0] * along - normal[1] * aside, normal[1] * along + normal[0] * aside
-        row_at, column_at, kept = _on_mirror(calibration, row, column, inward, across, a, b, cut)
-        points, u, v = calibration.reverse(row_at, column_at, a, b)
+        row_at, column_at, kept = _on_mirror(chief, row, column, inward, across, a, b, cut)
+        points, u, v = chief.reverse(row_at, column_at, a, b)
         # chords of a disk evenly in angle: each weighs as the square of its length; 1 on average with the factor 2
-        share = kept * 2 * np.cos(angle) ** 2 / 2 * cosine4(calibration, row_at, column_at, a, b)
+        share = kept * 2 * np.cos(angle) ** 2 / 2 * cosine4(chief, row_at, column_at, a, b)
         values = dict(zip(OUTPUTS, (u, v, points[..., 0], points[..., 1]), strict=True))
         return cls({name: value @ TO_POWERS.T for name, value in values.items()}, share @ TO_POWERS.T)
 
@@ -105,10 +105,10 @@ class ChordRays:
         return _integral(self.share, place).mean(0)
 
 
-def cosine4(calibration, row, column, a, b):
+def cosine4(chief, row, column, a, b):
     """cos^4 of rays in front of the lens."""
-    camera = calibration.scene.camera
-    x, y = calibration.image_point(row, column)
+    camera = chief.scene.camera
+    x, y = chief.image_point(row, column)
     slopes = a / camera.focus_mm - x / camera.image_distance_mm, b / camera.focus_mm - y / camera.image_distance_mm
     return (1 + slopes[0] ** 2 + slopes[1] ** 2) ** -2
 
@@ -126,18 +126,18 @@ def _gradient(function, step):
     return np.array([function(step, 0) - function(-step, 0), function(0, step) - function(0, -step)])
 
 
-def _on_mirror(calibration, row, column, inward, across, a, b, cut):
+def _on_mirror(chief, row, column, inward, across, a, b, cut):
     """(rows, columns, share of the line) of the points at `inward` (0 to 1) of the part on the mirror of pixel lines.
 
     The lines lie at `across` (-1 to 1) of the pixel and run along the axis that rim or hole cuts more steeply.
     """
     if not cut:
         return row + across / 2, column + inward - 0.5, 1.0
-    surface = calibration.surface
+    surface = chief.surface
     sign, radius = {"rim": (1, surface.aperture_radius_mm), "hole": (-1, surface.obscuration_radius_mm)}[cut]
 
     def excess(row_at, column_at, a=0.0, b=0.0):
-        points = calibration.reverse(row_at, column_at, a, b)[0]
+        points = chief.reverse(row_at, column_at, a, b)[0]
         return sign * (np.hypot(points[..., 0], points[..., 1]) - radius)
 
     by_column, by_row = _gradient(lambda s, t: excess(row + t, column + s), 0.25)
@@ -245,10 +245,10 @@ PIXELS = [
 
 
 def light_of(name, *places):
-    """The PixelLight of some pixels (row, column) of a scene."""
-    calibration = calibrate(scene_of(name))
+    """The PixelResponse of some pixels (row, column) of a scene."""
+    chief = chief_rays(scene_of(name))
     row, column = np.array(places).T
-    return PixelLight.of(calibration, row * calibration.shape[1] + column)
+    return PixelResponse.of(chief, row * chief.shape[1] + column)
 
 
 def line_edges(scene, output):
@@ -259,7 +259,7 @@ def line_edges(scene, output):
 
 def edges_of(light, rays, output):
     """Edges of lines as the scan's, also beyond the screen, from before a pixel's light to behind it."""
-    first, pitch = line_edges(light.calibration.scene, output)[0], light.calibration.scene.screen.pitch_mm
+    first, pitch = line_edges(light.chief.scene, output)[0], light.chief.scene.screen.pitch_mm
     lowest, highest = np.round((np.array(rays[output].range(output)) - first) / pitch)
     return first + pitch * np.arange(lowest - 2, highest + 3)
 
@@ -269,7 +269,7 @@ def pixel(request):
     """(light of one pixel, its many rays along u and v)"""
     name, row, column, cut = request.param
     light = light_of(name, (row, column))
-    return light, {o: ChordRays.of(light.calibration, row, column, o, cut) for o in "uv"}
+    return light, {o: ChordRays.of(light.chief, row, column, o, cut) for o in "uv"}
 
 
 def test_means_are_those_of_many_rays(pixel):
@@ -288,7 +288,7 @@ def test_light_is_that_of_many_rays(pixel, output):
     peak = expected.max()
     assert (expected > 0.05 * peak).sum() >= 2 and (expected[[0, -1]] == 0).all()  # a light curve, whole
     # 6.5e-6 measured at worst; where the rays' own noise is 1e-5, of pixels whose light is wide, 1.7e-5
-    coarse = light.calibration.scene.name in ("off-axis", "lopsided")
+    coarse = light.chief.scene.name in ("off-axis", "lopsided")
     assert np.abs(found - expected).max() < (2e-5 if coarse else 1e-5) * peak
     lit = expected > 1e-4 * peak
     assert np.sqrt(np.mean((found - expected)[lit] ** 2)) < (1.2e-5 if coarse else 5e-6) * peak  # over the light curve
@@ -313,10 +313,10 @@ def test_light_is_that_of_rays_counted_by_lines(place):
     # a sunflower, even over the disk, turned anew for each part of the pixel
     angle = np.arange(points) * np.pi * (3 - np.sqrt(5)) + np.arange(parts**2)[:, None] * 4.7437
     rays = place[0] + step_row, place[1] + step_column, radius * np.cos(angle), radius * np.sin(angle)
-    _, *landing = light.calibration.reverse(*rays)
-    weight = cosine4(light.calibration, *rays)
+    _, *landing = light.chief.reverse(*rays)
+    weight = cosine4(light.chief, *rays)
     for output, mm in zip("uv", landing, strict=True):
-        edges = line_edges(light.calibration.scene, output)
+        edges = line_edges(light.chief.scene, output)
         counted, _ = np.histogram(mm, edges, weights=weight / weight.size)
         found = light.light(output, edges[None])[0]
         assert np.abs(found - counted).max() < 1e-3 * counted.max()  # noise of the counts: 1e5 rays or more, evenly
@@ -335,7 +335,7 @@ def test_a_bend_of_any_direction_shifts_the_light(monomial):
     place = {"s": 2 * s - 1, "t": 2 * t - 1, "a": a, "b": b}
     landing = straight.maps.term("u")[0] + sum(straight.maps.term("u", name)[0] * place[name] for name in place)
     moved = landing + size * radius * {"aa": a * a, "ab": a * b, "bb": b * b}[monomial]
-    edges = line_edges(light.calibration.scene, "u")
+    edges = line_edges(light.chief.scene, "u")
     counted = (np.histogram(moved, edges)[0] - np.histogram(landing, edges)[0]) / len(a)
     found = (bent.light("u", edges[None]) - straight.light("u", edges[None]))[0]
     assert np.abs(counted).max() > 8e-4
@@ -351,46 +351,46 @@ def with_terms(light, terms):
     coefficient = maps.coefficient.copy()
     for monomial, value in terms.items():
         coefficient[number.term("u", monomial)[0], 0] = value
-    return PixelLight(light.calibration, light.pixels, replace(maps, coefficient=coefficient))
+    return PixelResponse(light.chief, light.pixels, replace(maps, coefficient=coefficient))
 
 
 def test_light_of_many_pixels_is_that_of_each():
     """Cells are worked on in chunks, and pixels of all kinds stand side by side."""
     places = [(62, 62), (110, 39), (23, 101), (54, 117), (62, 72), (63, 71)]
-    together = light_of("holed", *places)
-    edges = np.broadcast_to(line_edges(together.calibration.scene, "u"), (len(places), 22))
+    open_pool = light_of("holed", *places)
+    edges = np.broadcast_to(line_edges(open_pool.chief.scene, "u"), (len(places), 22))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("irtscots_cl.optics.pixel.response.CHUNK", 7)
-        light = together.light("u", edges)
+        light = open_pool.light("u", edges)
     for k, place in enumerate(places):  # beside one that the hole cuts
         alone = light_of("holed", place, places[4]).light("u", edges[:2])[0]
         np.testing.assert_allclose(alone, light[k], rtol=0, atol=2e-6)  # cells of another size, as other pixels are
-    np.testing.assert_allclose(together.light("u", edges), light, rtol=0, atol=1e-15)  # rounding
+    np.testing.assert_allclose(open_pool.light("u", edges), light, rtol=0, atol=1e-15)  # rounding
 
 
 # --- coverage and holes ------------------------------------------------------------------------------------
 
 
-def footprint_areas(calibration):
+def footprint_areas(chief):
     """Area [rows, columns] of the pixels' footprints by their corners."""
-    rows, columns = calibration.shape
-    corners = calibration.reverse(*np.meshgrid(np.arange(rows + 1) - 0.5, np.arange(columns + 1) - 0.5, indexing="ij"))
+    rows, columns = chief.shape
+    corners = chief.reverse(*np.meshgrid(np.arange(rows + 1) - 0.5, np.arange(columns + 1) - 0.5, indexing="ij"))
     first, second = corners[0][1:, 1:] - corners[0][:-1, :-1], corners[0][1:, :-1] - corners[0][:-1, 1:]
     return np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]).ravel() / 2
 
 
 @pytest.mark.parametrize(("name", "hole_mm"), [("sphere", 0.0), ("holed", 100.0)])
 def test_coverage_adds_up_to_the_mirror(name, hole_mm):
-    light = pixel_light(scene_of(name))
-    area = np.sum(light.coverage() * footprint_areas(light.calibration)[light.pixels])
+    light = pixel_response(scene_of(name))
+    area = np.sum(light.coverage() * footprint_areas(light.chief)[light.pixels])
     expected = np.pi * (532.0**2 - hole_mm**2)
     assert area == pytest.approx(expected, rel=1e-5)  # 4e-6: a pixel's footprint is a little larger on one side
 
 
 @pytest.mark.parametrize("name", ["sphere", "holed", "off-axis", "narrow"])
 def test_coverage_is_that_of_counted_chief_rays(name):
-    light = pixel_light(scene_of(name))
-    counted = light.calibration.footprint.coverage.ravel()[light.pixels]
+    light = pixel_response(scene_of(name))
+    counted = light.chief.footprint.coverage.ravel()[light.pixels]
     found = light.coverage()
     assert found.max() <= 1 + 1e-14 and found.min() >= -1e-14  # rounding
     np.testing.assert_allclose(found[counted == 1], 1, rtol=0, atol=4e-3)  # a corner without any of 16 x 16 rays: 1/256
@@ -401,7 +401,7 @@ def test_coverage_is_that_of_counted_chief_rays(name):
 def test_no_light_comes_from_the_hole():
     places = [(62, 62), (62, 72), (62, 80)]  # in the hole, on its edge, on the mirror
     light, whole = light_of("holed", *places), light_of("sphere", *places)
-    edges = np.broadcast_to(line_edges(light.calibration.scene, "u"), (3, 22))
+    edges = np.broadcast_to(line_edges(light.chief.scene, "u"), (3, 22))
     found, full = light.light("u", edges).sum(1), whole.light("u", edges).sum(1)
     assert abs(found[0]) < 1e-14 * full[0]  # rounding: what the hole takes away is all
     assert found[1] == pytest.approx(full[1] * light.coverage()[1], rel=1e-4)  # cos^4 between the parts of a pixel
@@ -410,7 +410,7 @@ def test_no_light_comes_from_the_hole():
 
 
 def test_a_pixel_in_the_hole_has_no_coverage():
-    light = pixel_light(narrow())
+    light = pixel_response(narrow())
     dark = light.coverage() < 1e-9
     assert dark.sum() > 3 and (light.coverage()[dark] == 0).all()
     assert np.isnan(light.means("uv")[:, dark]).all()
@@ -423,9 +423,9 @@ def test_a_hole_that_no_pixel_sees_takes_nothing():
 
 def test_a_hole_within_a_pixel_takes_its_area_or_is_refused():
     scene = with_part(load_scene("sphere"), "mirror", obscuration_mm=4.0)
-    light = pixel_light(scene)
+    light = pixel_response(scene)
     centre = light.pixels == 62 * 125 + 62
-    share = np.pi * 2.0**2 / footprint_areas(light.calibration)[62 * 125 + 62]
+    share = np.pi * 2.0**2 / footprint_areas(light.chief)[62 * 125 + 62]
     assert not light.valid()[centre] or light.coverage()[centre] == pytest.approx(1 - share, abs=1e-3)  # of 0.86
 
 
@@ -434,19 +434,19 @@ def test_a_hole_within_a_pixel_takes_its_area_or_is_refused():
 
 def test_the_closed_form_holds_on_the_presets():
     for name in ("sphere", "sphere-deviated", "off-axis", "narrow"):
-        assert pixel_light(scene_of(name)).valid().all()
+        assert pixel_response(scene_of(name)).valid().all()
 
 
 def test_an_aperture_that_blurs_the_rim_too_much_is_refused():
     """The rim moves aside by the aperture's defocused image on the mirror: as far as rays from both its sides say."""
     scene, pixel = load_scene("sphere"), np.array([62 * 125 + 10])
-    points, _, _ = calibrate(scene).reverse(62, 10, np.array([A, -A, 0, 0]), np.array([0, 0, A, -A]))
-    corners, _, _ = calibrate(scene).reverse(62 + np.array([0, 0, 0.5, -0.5]), 10 + np.array([0.5, -0.5, 0, 0]))
+    points, _, _ = chief_rays(scene).reverse(62, 10, np.array([A, -A, 0, 0]), np.array([0, 0, A, -A]))
+    corners, _, _ = chief_rays(scene).reverse(62 + np.array([0, 0, 0.5, -0.5]), 10 + np.array([0.5, -0.5, 0, 0]))
     blur, size = (np.hypot(*(p[::2, :2] - p[1::2, :2]).ravel()[[0, 3]]) / 2 for p in (points, corners))
     widest = 2 * A * MAX_PUSH / (blur / size)
     for diameter_mm, valid in [(0.97 * widest, True), (1.03 * widest, False)]:
         wide = with_part(scene, "camera", aperture_diameter_mm=diameter_mm)
-        assert PixelLight.of(calibrate(wide), pixel).valid()[0] == valid
+        assert PixelResponse.of(chief_rays(wide), pixel).valid()[0] == valid
 
 
 def test_a_map_that_is_not_quadratic_is_refused():
@@ -454,14 +454,14 @@ def test_a_map_that_is_not_quadratic_is_refused():
     sphere = load_scene("sphere")
     for amount_um, valid in [(0.03, True), (30.0, False)]:
         terms = (ZernikeTerms(radius_mm=532.0, ordering="osa", coefficients_um={840: amount_um}),)
-        light = PixelLight.of(calibrate(with_part(sphere, "mirror", zernike=terms)), np.array([62 * 125 + 90]))
+        light = PixelResponse.of(chief_rays(with_part(sphere, "mirror", zernike=terms)), np.array([62 * 125 + 90]))
         assert light.valid()[0] == valid
 
 
 def test_a_pixel_that_misses_the_surface_is_refused():
     """The surface ends at 580 mm, and the detector looks at 600 mm."""
     scene = with_part(load_scene("sphere"), "mirror", radius_mm=580.0, diameter_mm=800.0)
-    light = PixelLight.of(calibrate(scene), np.arange(125 * 125))
+    light = PixelResponse.of(chief_rays(scene), np.arange(125 * 125))
     missed = np.isnan(light.maps.term("x"))
     assert 1000 < missed.sum() < 2000  # the corners of the detector
     assert not light.valid()[missed].any()

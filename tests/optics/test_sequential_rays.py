@@ -11,7 +11,7 @@ from oracle import sequence as oracle
 
 from irtscots_cl.maths.frame import Frame
 from irtscots_cl.maths.quadric import Quadric
-from irtscots_cl.optics.elements.components import Part, parts_of
+from irtscots_cl.optics.elements.components import Component, components_of
 from irtscots_cl.optics.elements.path_focus import path_focus
 from irtscots_cl.optics.elements.sequential_rays import trace_sequence
 from irtscots_cl.optics.surface import Surface
@@ -25,9 +25,9 @@ LOCAL = Frame(np.zeros(3), np.eye(3))
 DOWN = (0.0, 0.0, -1.0)
 
 
-def events_of(parts, *names):
+def events_of(components, *names):
     """Events by name, such as "lens.back (r)"."""
-    numbers = {part.name: number for number, part in enumerate(parts)}
+    numbers = {component.name: number for number, component in enumerate(components)}
     split = [name.partition(" ") for name in names]
     return [(numbers[name], EVENTS[mark]) for name, _, mark in split]
 
@@ -69,9 +69,9 @@ def rays_to_the_stop(scene, count=200):
 def test_rays_go_where_the_oracle_says(name, lens):
     """From the screen by the mirror through a real lens to the detector's plane, point by point."""
     scene = load_scene(name)
-    parts = parts_of(scene)
+    components = components_of(scene)
     start, directions = rays_to_the_stop(scene)
-    points, ways = trace_sequence(parts, events_of(parts, "mirror", *lens, "detector"), start, directions)
+    points, ways = trace_sequence(components, events_of(components, "mirror", *lens, "detector"), start, directions)
     mirror = oracle.Step(np.zeros(3), np.array([0.0, 0.0, 1.0]), scene.mirror.radius_mm, mirror=True)
     forward, along = start, oracle.unit(directions)
     for k, step in enumerate([mirror, *oracle_steps(scene, lens)]):
@@ -88,7 +88,7 @@ def test_rays_go_where_the_oracle_says(name, lens):
 def test_an_off_axis_mirror_reflects_as_its_surface_does():
     scene = load_scene("off-axis")
     start, directions = rays_to_the_stop(scene)
-    points, ways = trace_sequence(parts_of(scene), [(0, 0)], start, directions)
+    points, ways = trace_sequence(components_of(scene), [(0, 0)], start, directions)
     expected, along = Surface.of(scene.mirror).meet(start, directions)
     np.testing.assert_allclose(points[0], expected, rtol=0, atol=1e-11)  # rounding of the way
     np.testing.assert_allclose(ways[0], oracle.unit(along), rtol=0, atol=1e-13)
@@ -98,7 +98,7 @@ def test_an_off_axis_mirror_reflects_as_its_surface_does():
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_paraxial_lens_takes_a_point_to_its_image(focal, side):
     """All lines through (2, -3, -40) before the lens go on along lines through the image, from either side."""
-    lens = Part("lens", "lens", "plane", LOCAL, focal_length_mm=focal)
+    lens = Component("lens", "lens", "plane", LOCAL, focal_length_mm=focal)
     point = np.array([2.0, -3.0, -40.0 * side])
     at = np.column_stack([np.random.default_rng(2).uniform(-5, 5, (50, 2)), np.zeros(50)])
     (met,), (ways,) = trace_sequence([lens], [(0, 0)], np.tile(point, (50, 1)), at - point)
@@ -112,7 +112,7 @@ def test_a_paraxial_lens_takes_a_point_to_its_image(focal, side):
 
 
 def sphere(kind="mirror", radius=10.0, **values):
-    return Part("ball", kind, "quadric", LOCAL, Quadric.conic(radius), **values)
+    return Component("ball", kind, "quadric", LOCAL, Quadric.conic(radius), **values)
 
 
 def test_a_ray_in_a_bowl_meets_it_again_and_again():
@@ -130,34 +130,37 @@ STEEP = unit([1.0, 0.0, -1.0])
 
 
 @pytest.mark.parametrize(
-    ("part", "event", "start", "direction", "met"),
+    ("component", "event", "start", "direction", "met"),
     [
         (sphere(), 0, (12.0, 0.0, 10.0), DOWN, False),  # beside it
         (sphere(), 0, (1.0, 0.0, -1.0), DOWN, False),  # it lies behind
         (sphere(), 0, (0.0, 0.0, -1.0), (0.0, 0.0, 1.0), True),  # a mirror's back is black
         (sphere(), 0, (-30.0, 0.0, 15.0), (1.0, 0.0, 0.0), False),  # the half that is none of it
-        (Part("glass", "refractor", "plane", LOCAL, **GLASS), 0, (0.0, 0.0, 1.0), STEEP, True),  # total reflection
-        (Part("plate", "mirror", "plane", LOCAL), 0, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), False),  # along it
-        (Part("plate", "absorber", "plane", LOCAL), 0, (0.0, 0.0, 1.0), DOWN, True),
+        (Component("glass", "refractor", "plane", LOCAL, **GLASS), 0, (0.0, 0.0, 1.0), STEEP, True),  # total reflection
+        (Component("plate", "mirror", "plane", LOCAL), 0, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), False),  # along it
+        (Component("plate", "absorber", "plane", LOCAL), 0, (0.0, 0.0, 1.0), DOWN, True),
         (sphere("scattering"), 2, (0.0, 0.0, 1.0), DOWN, True),
-        (Part("lens", "lens", "plane", LOCAL), 2, (0.0, 0.0, 1.0), DOWN, True),
+        (Component("lens", "lens", "plane", LOCAL), 2, (0.0, 0.0, 1.0), DOWN, True),
     ],
     ids=["beside", "behind", "back", "other half", "total reflection", "along", "absorber", "scatterer", "lens (s)"],
 )
-def test_where_no_light_goes_on_there_is_nan(part, event, start, direction, met):
-    (points,), (ways,) = trace_sequence([part], [(0, event)], [start], [direction])
+def test_where_no_light_goes_on_there_is_nan(component, event, start, direction, met):
+    (points,), (ways,) = trace_sequence([component], [(0, event)], [start], [direction])
     assert np.isfinite(points).all() == met and np.isnan(points).any() != met
     assert np.isnan(ways).all()
 
 
 def test_a_ray_that_ends_leaves_the_others_alone():
     """And what is lost stays lost. Total reflection reflects."""
-    parts = [sphere(), Part("detector", "detector", "plane", replace(LOCAL, position_mm=np.array([0.0, 0.0, 5.0])))]
+    components = [
+        sphere(),
+        Component("detector", "detector", "plane", replace(LOCAL, position_mm=np.array([0.0, 0.0, 5.0]))),
+    ]
     start = np.array([[0.0, 0.0, 9.0], [12.0, 0.0, 9.0], [0.0, 3.0, 9.0]])
-    points, ways = trace_sequence(parts, [(0, 0), (1, 0)], start, np.tile(DOWN, (3, 1)))
+    points, ways = trace_sequence(components, [(0, 0), (1, 0)], start, np.tile(DOWN, (3, 1)))
     assert np.isnan(points[:, 1]).all() and np.isnan(ways[:, 1]).all()
     assert np.isfinite(points[:, ::2]).all() and np.isfinite(ways[:, ::2]).all()
-    glass = Part("glass", "refractor", "plane", LOCAL, **GLASS)
+    glass = Component("glass", "refractor", "plane", LOCAL, **GLASS)
     _, (ways,) = trace_sequence([glass], [(0, 1)], [(0.0, 0.0, 1.0)], [STEEP])
     np.testing.assert_allclose(ways, [STEEP * [1, 1, -1]], atol=1e-15)
 
@@ -168,8 +171,8 @@ ORDER = 1e-6  # relative: of close rays at 1e-3 of the stop's radius
 
 
 def focus_of(scene, *names):
-    parts = parts_of(scene)
-    return path_focus(parts, events_of(parts, *names))
+    components = components_of(scene)
+    return path_focus(components, events_of(components, *names))
 
 
 def with_elements(*elements, **camera):

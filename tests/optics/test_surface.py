@@ -62,12 +62,12 @@ def test_deviations_add_up_over_tables_and_orderings():
     ]
     x, y = points_inside(base, 100, 4)
     each = sum(Surface.of(replace(base, zernike=(t,))).deviation_at(x, y)[0] for t in terms)
-    together = Surface.of(replace(base, zernike=tuple(terms))).deviation_at(x, y)[0]
-    np.testing.assert_allclose(together, each, rtol=0, atol=1e-17)  # mm: rounding of micrometres
+    open_pool = Surface.of(replace(base, zernike=tuple(terms))).deviation_at(x, y)[0]
+    np.testing.assert_allclose(open_pool, each, rtol=0, atol=1e-17)  # mm: rounding of micrometres
     rho2 = (x * x + y * y) / 120.0**2
     coma = np.sqrt(8) * (3 * rho2 - 2) * x / 120.0  # the same term three times: 1.5 + 0.5 - 3.0 um
     power = np.sqrt(3) * (2 * rho2 - 1)
-    np.testing.assert_allclose(together, -1.0e-3 * coma + 2.0e-3 * power, rtol=0, atol=1e-16)  # mm: rounding
+    np.testing.assert_allclose(open_pool, -1.0e-3 * coma + 2.0e-3 * power, rtol=0, atol=1e-16)  # mm: rounding
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -7,7 +7,7 @@ import pytest
 from synthetic import small_scene
 
 from irtscots_cl.pipeline import target as targets
-from irtscots_cl.pipeline.target import MARGIN, REPLICATES, check_target, plan, reach
+from irtscots_cl.pipeline.target import MARGIN, REPLICATES, check_target, plan, run_to_target
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +17,7 @@ def scene():
 
 @pytest.mark.parametrize("target", [1.0, 0.3])
 def test_a_run_reaches_what_was_asked_for(scene, device, target):
-    run = reach(scene, target, device=device, seed=3)
+    run = run_to_target(scene, target, device=device, seed=3)
     facts = run.report["target"]
     assert facts["met"] and facts["reached_nm"] <= target and facts["attempts"] <= 2
     assert facts["reached_nm"] == run.comparison.height_error_nm["piston_tilt"].value
@@ -81,7 +81,7 @@ def test_a_miss_is_tried_again_with_more_rays_and_told(scene, device, monkeypatc
 
     monkeypatch.setattr(targets, "_pilot", rosy)
     fixed = {"measure": "fine", "precision": "fp32", "sampler": "philox"}
-    run = reach(scene, 1.0, device=device, **fixed)
+    run = run_to_target(scene, 1.0, device=device, **fixed)
     facts = run.report["target"]
     assert facts["attempts"] > 1
     assert facts["met"] == (facts["reached_nm"] <= 1.0)

@@ -21,7 +21,7 @@ from irtscots_cl.report.tables import measured_table, path_tables, summary_table
 from irtscots_cl.system.atomic_files import plain
 from irtscots_cl.system.versions import versions
 from irtscots_cl.tracing.options import TraceOptions
-from irtscots_cl.tracing.results.paths import PathFlux, PathLight, StayingFlux
+from irtscots_cl.tracing.results.paths import LostFlux, PathFlux, PathLight
 from irtscots_cl.tracing.results.transport import Transport
 
 CONTRACT = {
@@ -215,7 +215,7 @@ def test_paths_with_their_focus_and_blur():
         PathFlux("other", "other", 0.1, 0.01, 7),
     )
     light = PathLight(small_scene(), TraceOptions("nonsequential"), DEVICE, paths,
-                      (StayingFlux("absorbed by stop", 7.0, 0.02), StayingFlux("escaped", 0.0, 0.0)), 9.6,
+                      (LostFlux("absorbed by stop", 7.0, 0.02), LostFlux("escaped", 0.0, 0.0)), 9.6,
                       np.zeros((3, 3, 2, 1)), np.full(3, 100),
                       {"launched": 1000, "parted": 0, "detected": 957, "escaped": 0, "absorbed by stop": 43}, LEDGER,
                       SECONDS)  # fmt: skip

@@ -15,7 +15,7 @@ from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.optics.aim import camera_aim
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies import brightness, fig3, fig5, suite, table4, zonal
-from irtscots_cl.studies.traces import CENTRE, PAPER_OVERFILL, PAPER_RAYS, RUNS, Lab, light_curve, over_runs
+from irtscots_cl.studies.traces import CENTRE, PAPER_OVERFILL, PAPER_RAYS, RUNS, SharedTraces, light_curve, over_runs
 from irtscots_cl.studies.verdicts import (
     AGREES,
     ALONE,
@@ -24,7 +24,7 @@ from irtscots_cl.studies.verdicts import (
     FAILURE_CHANCE,
     INCONSISTENT,
     Z_LIMIT,
-    Outcome,
+    StudyResult,
     exact,
     row,
 )  # fmt: skip
@@ -32,8 +32,8 @@ from irtscots_cl.system.atomic_files import plain
 
 
 @pytest.fixture(scope="module")
-def lab(device):
-    return Lab(device, quick=True)
+def traces(device):
+    return SharedTraces(device, quick=True)
 
 
 # --- verdicts ----------------------------------------------------------------------------------------------
@@ -73,7 +73,7 @@ def test_the_limit_is_the_stated_failure_chance():
 
 
 def test_a_table_leaves_out_what_is_not_there():
-    table = Outcome((row("a", exact(1.5)), row("b", Estimate(2.0, 0.5), paper=2.1, expected=2.2))).table("title")
+    table = StudyResult((row("a", exact(1.5)), row("b", Estimate(2.0, 0.5), paper=2.1, expected=2.2))).table("title")
     assert table.rows[0][:4] == ("a", "", "", "1.5")
     assert table.rows[1][:4] == ("b", "2.1", "2.2", "2 +- 0.5")
 
@@ -82,9 +82,9 @@ def test_a_table_leaves_out_what_is_not_there():
 
 
 def test_full_runs_are_the_papers_and_ten_runs_weigh_the_same(device):
-    lab = Lab(device)
-    lab.ray_numbers = (20_000,)
-    full, runs = lab.full("sphere", 20_000), lab.runs("sphere", 20_000)
+    traces = SharedTraces(device)
+    traces.ray_numbers = (20_000,)
+    full, runs = traces.full("sphere", 20_000), traces.runs("sphere", 20_000)
     assert full.rays == full.equivalent == 441 * 20_000
     assert runs.equivalent == 441 * RUNS * 20_000
     share = camera_aim(load_scene("sphere")).share / PAPER_OVERFILL
@@ -93,7 +93,7 @@ def test_full_runs_are_the_papers_and_ten_runs_weigh_the_same(device):
     hits = [float(t.stack.x.hits.sum()) for t in (full, runs)]
     # a hit stands for as much light in both: ten runs have ten times the hits, to counting
     assert abs(hits[1] - RUNS * hits[0]) < 5 * math.sqrt(hits[1] + RUNS**2 * hits[0])  # chance 6e-7
-    assert lab.full("sphere", 20_000) is full and lab.runs("sphere", 20_000) is runs
+    assert traces.full("sphere", 20_000) is full and traces.runs("sphere", 20_000) is runs
     one = runs.single(3)
     share = 1 / RUNS
     assert one.x.flux_w.shape[0] == 1
@@ -102,7 +102,10 @@ def test_full_runs_are_the_papers_and_ten_runs_weigh_the_same(device):
 
 
 def test_quick_leaves_out_the_largest_ray_number(device):
-    assert Lab(device).ray_numbers == PAPER_RAYS and Lab(device, quick=True).ray_numbers == PAPER_RAYS[:2]
+    assert (
+        SharedTraces(device).ray_numbers == PAPER_RAYS
+        and SharedTraces(device, quick=True).ray_numbers == PAPER_RAYS[:2]
+    )
 
 
 def test_mean_over_runs():
@@ -136,8 +139,8 @@ def test_linear_brightness_reaches_ten_percent_where_it_says():
     assert at_edges[-1] + (at_edges[-1] - at_edges[-2]) / 2 == pytest.approx(1.1)
 
 
-def test_the_closed_forms_curve_is_that_of_the_centre_pixel(lab):
-    runs = lab.runs("sphere", PAPER_RAYS[0])
+def test_the_closed_forms_curve_is_that_of_the_centre_pixel(traces):
+    runs = traces.runs("sphere", PAPER_RAYS[0])
     position, flux = light_curve(runs.stack, "x", CENTRE)
     assert flux.shape == (RUNS, len(position))
     image = runs.stack.x.image(int(np.flatnonzero(runs.stack.x.positions_mm == position[3])[0]))
@@ -157,22 +160,22 @@ def test_unknown_studies_are_refused_in_one_line():
 
 
 @pytest.mark.parametrize("name", ["zonal", "scatter", "brightness"])
-def test_cheap_studies(lab, name):
-    finished = suite.run_study(name, lab)
+def test_cheap_studies(traces, name):
+    finished = suite.run_study(name, traces)
     assert finished.outcome.rows and finished.outcome.notes
     assert all(r.reason or r.verdict == ALONE for r in finished.outcome.rows)
 
 
-def test_zonal_errors_fall_with_the_points(monkeypatch, lab):
+def test_zonal_errors_fall_with_the_points(monkeypatch, traces):
     monkeypatch.setattr(zonal, "POINTS", (16, 31))
-    values = {r.quantity: r.ours.value for r in zonal.study(lab).rows}
+    values = {r.quantity: r.ours.value for r in zonal.study(traces).rows}
     for method, order in (("southwell", 2), ("cubic", 3)):
         coarse, fine = (values[f"deviation, {method}, {n} points, with power [nm]"] for n in (16, 31))
         assert fine < coarse / 2**order * 1.5  # the pupil's rim takes some of the order
 
 
-def test_table4_reads_both_rms_values(lab, monkeypatch):
-    lab_of_one = Lab(lab.device, quick=True)
+def test_table4_reads_both_rms_values(traces, monkeypatch):
+    lab_of_one = SharedTraces(traces.device, quick=True)
     lab_of_one.ray_numbers = (20_000,)
     rows = {r.quantity: r for r in table4.study(lab_of_one).rows}
     printed = rows["rms of table 3's coefficients, in [um]"]
@@ -187,18 +190,18 @@ KNOWN = {
 
 
 @pytest.mark.slow
-def test_all_studies_agree_with_theory_and_make_one_document(lab, tmp_path):
-    lab = Lab(lab.device, quick=True)
-    lab.ray_numbers = PAPER_RAYS[:1]  # seconds for all
-    finished = [suite.run_study(name, lab) for name in suite.STUDIES]
-    differing = {r.quantity for f in finished for r in f.outcome.rows if r.verdict == DIFFERS}
-    assert differing <= KNOWN
+def test_all_studies_agree_with_theory_and_make_one_document(traces, tmp_path):
+    traces = SharedTraces(traces.device, quick=True)
+    traces.ray_numbers = PAPER_RAYS[:1]  # seconds for all
+    finished = [suite.run_study(name, traces) for name in suite.STUDIES]
+    merge_descriptions = {r.quantity for f in finished for r in f.outcome.rows if r.verdict == DIFFERS}
+    assert merge_descriptions <= KNOWN
     rows = [r for f in finished for r in f.outcome.rows]
     inconsistent = {r.quantity for r in rows if r.verdict == INCONSISTENT}
     assert "centroid x, sphere-deviated [mm]" in inconsistent
     assert "rms of table 3's coefficients, in [um]" in inconsistent
     suite.write_figures(tmp_path, finished)
-    suite.write_documents(tmp_path, finished, lab)
+    suite.write_documents(tmp_path, finished, traces)
     written = {path.name for path in tmp_path.iterdir()}
     assert {"reproduce.md", "reproduce.html", "fig11.png", "fig12.png", "fig9.png", "zonal.png"} <= written
     text, page = ((tmp_path / name).read_text(encoding="utf-8") for name in ("reproduce.md", "reproduce.html"))
@@ -208,13 +211,13 @@ def test_all_studies_agree_with_theory_and_make_one_document(lab, tmp_path):
             assert f"({name})" in text and name in written
     tables = [line for line in text.splitlines() if line.startswith("| ")]
     assert {line.replace("\\|", "").count("|") for line in tables} == {7}  # no cell breaks a table
-    facts = json.loads(json.dumps(plain(suite.facts(finished, lab)), allow_nan=False))
+    facts = json.loads(json.dumps(plain(suite.facts(finished, traces)), allow_nan=False))
     assert [s["name"] for s in facts["studies"]] == list(suite.STUDIES) and facts["quick"] is True
 
 
-def test_documents_escape_what_they_show(lab, tmp_path):
-    nasty = suite.Finished("x", "<b>", Outcome((row("a|b <i>", exact(1.0)),)), 0.0)
-    suite.write_documents(tmp_path, [nasty], lab)
+def test_documents_escape_what_they_show(traces, tmp_path):
+    nasty = suite.Finished("x", "<b>", StudyResult((row("a|b <i>", exact(1.0)),)), 0.0)
+    suite.write_documents(tmp_path, [nasty], traces)
     assert "a\\|b" in (tmp_path / "reproduce.md").read_text() and "<i>" not in (tmp_path / "reproduce.html").read_text()
 
 
@@ -223,4 +226,4 @@ def test_the_study_of_the_documentation_runs(device):
     code = text.split("```python\n")[1].split("```")[0]
     space: dict = {}
     exec(compile(code, "docs/studies.md", "exec"), space)
-    assert len(space["study"](Lab(device)).rows) == 3
+    assert len(space["study"](SharedTraces(device)).rows) == 3

@@ -4,37 +4,37 @@ from __future__ import annotations
 
 import numpy as np
 
-from irtscots_cl.execution.launch_plan import Pace
+from irtscots_cl.execution.launch_plan import RateMeter
 
-STREAMS, PER_ITEM = 5, 4
+SOURCES, PER_ITEM = 5, 4
 RAYS = np.array([13, 13, 12])  # of each replicate
 
 
 class CountingJob:
     """A runner.Job. Every ray adds a word of its own, modulo 2^64, to its stream's sum and to all streams'."""
 
-    streams, max_rays_per_item, first_launch_rays = STREAMS, PER_ITEM, 16
+    sources, max_rays_per_item, first_launch_rays = SOURCES, PER_ITEM, 16
 
     def __init__(self, seed: int = 1, size: int = 1):
         """size: of a stream's sums, all alike but in what each ray adds."""
-        self.pace, self.facts, self.launches = Pace(), {"code": "ab" * 16}, []
+        self.rate_meter, self.facts, self.launches = RateMeter(), {"code": "ab" * 16}, []
         self._words = np.arange(1, size + 1, dtype=np.uint64)
         self._seed = np.uint64(seed)
         self.clear()
 
     def clear(self):
-        self._of_stream = np.zeros((STREAMS, len(self._words)), np.uint64)
+        self._of_stream = np.zeros((SOURCES, len(self._words)), np.uint64)
         self._of_all = np.zeros(3, np.uint64)
 
     def launch(self, replicate, part):
-        first_stream, streams, first_ray, rays = part
+        first_source, sources, first_ray, rays = part
         assert first_ray % PER_ITEM == 0
         self.launches.append((replicate, *part))
-        for stream in range(first_stream, first_stream + streams):
+        for source in range(first_source, first_source + sources):
             for ray in range(first_ray, first_ray + rays):
-                word = np.uint64(hash((replicate, stream, ray)) & (2**64 - 1)) + self._seed
-                self._of_stream[stream] += word * self._words
-                self._of_all += np.array([1, stream, ray], np.uint64)
+                word = np.uint64(hash((replicate, source, ray)) & (2**64 - 1)) + self._seed
+                self._of_stream[source] += word * self._words
+                self._of_all += np.array([1, source, ray], np.uint64)
 
     def sums(self):
         return self._of_stream.copy(), self._of_all.copy()

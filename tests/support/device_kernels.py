@@ -12,7 +12,7 @@ from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
 from irtscots_cl.opencl.structs import LAUNCH, PRECISIONS
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.tracing.packing.scene import pack
 
 FOLDER = Path(__file__).parents[1] / "kernels"
@@ -31,7 +31,7 @@ class SmallKernel:
         self.words = 16 if self.width > 1 else 1  # WORD_LANES
         structs, choices, constants, self._scene = {"Launch": LAUNCH}, {}, {}, None
         if scene is not None:
-            packed = pack(Calibration(scene), precision)
+            packed = pack(ChiefRays(scene), precision)
             structs, choices, self._scene = packed.structs, packed.choices, packed.scene
             constants = packed.constants
         source = compose(entry, choices | {"sampler": "philox"}, structs, precision, self.width, constants)
@@ -93,9 +93,9 @@ def draw_on(device: Device, folder: Path, sampler: str, width: int) -> Callable[
     entry = kernel_text(folder / "draw.cl", [f"sampler_{sampler}.cl"], signature, body)
     kernel = SmallKernel(device, entry, "fp32", width=width)
 
-    def draw(seed: int, stream: int, replicate: int, first: int, count: int) -> np.ndarray:
+    def draw(seed: int, source: int, replicate: int, first: int, count: int) -> np.ndarray:
         launch = launch_of(seed_low=seed & 0xFFFFFFFF, seed_high=seed >> 32, replicate=replicate, first_ray=first)
         out = np.zeros((-(-count // kernel.block) * kernel.block, 4), np.uint32)
-        return kernel.run((len(out) // kernel.block, 1), [launch, np.uint32(stream)], [out])[0][:count]
+        return kernel.run((len(out) // kernel.block, 1), [launch, np.uint32(source)], [out])[0][:count]
 
     return draw

@@ -23,16 +23,16 @@ from synthetic import small_scene
 
 from irtscots_cl.execution import checkpoint
 from irtscots_cl.execution import run_loop as runner
-from irtscots_cl.execution.checkpoint import Keeper
+from irtscots_cl.execution.checkpoint import Checkpoints
 from irtscots_cl.tracing.trace import trace
 
 
-def count(keeper: Keeper | None, progress) -> bytes:
+def count(keeper: Checkpoints | None, progress) -> bytes:
     kept = None if keeper is None else keeper.file_of({"scene": "count"})
     return b"".join(a.tobytes() for a in runner.run_rays(CountingJob(size=2000), RAYS, progress, 4, kept))
 
 
-def trace_scene(keeper: Keeper | None, progress) -> bytes:
+def trace_scene(keeper: Checkpoints | None, progress) -> bytes:
     scene = small_scene("sphere-deviated", 21)
     done = trace(scene, rays_per_pixel=2**15, replicates=4, launch_rays=2**18, keeper=keeper, progress=progress)
     return done.counts.tobytes()
@@ -45,7 +45,7 @@ def child(work, path: Path | None, pipe: int) -> None:
         if not told:
             told.append(os.write(pipe, b"%012d" % done))
 
-    result = work(None if path is None else Keeper(path, resume=True), progress)
+    result = work(None if path is None else Checkpoints(path, resume=True), progress)
     os.write(pipe, hashlib.blake2b(result, digest_size=32).digest())
     os._exit(0)
 
@@ -75,7 +75,7 @@ def finish(number: int, pipe: int) -> bytes:
 
 def main(what: str, kills: int) -> dict:
     work, dice = {"count": count, "trace": trace_scene}[what], random.Random(kills)
-    checkpoint.LEAST_SECONDS = checkpoint.COST_SHARE = 0  # a save after every launch
+    checkpoint.MIN_SECONDS = checkpoint.COST_SHARE = 0  # a save after every launch
     expected = finish(*start(work, None))
     folder = Path(tempfile.mkdtemp())
     path, found = folder / "kept", {"kills": 0, "went_on": 0, "ended": 0, "equal": True, "left": []}

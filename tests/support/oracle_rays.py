@@ -8,12 +8,12 @@ import numpy as np
 from device_kernels import FOLDER, SmallKernel, launch_of
 from oracle import tracer
 
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.screen_windows import place_windows
 from irtscots_cl.tracing.packing.sources import emitters, receivers
 from irtscots_cl.tracing.samplers import sample_words
 
-STREAMS, RAYS = 64, 512
+SOURCES, RAYS = 64, 512
 SEED, FIRST_RAY = 7, 5
 
 
@@ -44,18 +44,18 @@ def _run(
     return paths.astype(float).reshape(-1, fields), flags.reshape(-1, marks)
 
 
-def _words(streams: np.ndarray) -> np.ndarray:
+def _words(sources: np.ndarray) -> np.ndarray:
     """[streams, rays, 4] words of the rays that _run traces."""
-    return np.stack([sample_words("philox", SEED, int(s), 0, FIRST_RAY + np.arange(RAYS)) for s in streams])
+    return np.stack([sample_words("philox", SEED, int(s), 0, FIRST_RAY + np.arange(RAYS)) for s in sources])
 
 
 def forward_rays(device, scene, precision: str) -> Rays:
     """Rays from screen pixels spread over the screen, aimed as the package aims them."""
-    sources, _ = emitters(Calibration(scene), precision, 1.0, "mirror")
-    streams = np.linspace(0, len(sources) - 1, STREAMS).astype(np.uint32)
-    paths, marks = _run(device, scene, precision, "trace_paths_forward", sources, streams, 11, 3)
-    words, pitch = _words(streams), scene.screen.pitch_mm
-    emitter = {name: np.repeat(sources[name][streams].astype(float), RAYS) for name in sources.dtype.names}
+    sources, _ = emitters(ChiefRays(scene), precision, 1.0, "mirror")
+    sources = np.linspace(0, len(sources) - 1, SOURCES).astype(np.uint32)
+    paths, marks = _run(device, scene, precision, "trace_paths_forward", sources, sources, 11, 3)
+    words, pitch = _words(sources), scene.screen.pitch_mm
+    emitter = {name: np.repeat(sources[name][sources].astype(float), RAYS) for name in sources.dtype.names}
     x = emitter["x"] + pitch * centred(words[..., 0]).ravel()
     y = emitter["y"] + pitch * centred(words[..., 1]).ravel()
     disk_x, disk_y = paths[:, 9], paths[:, 10]
@@ -66,10 +66,10 @@ def forward_rays(device, scene, precision: str) -> Rays:
 
 def adjoint_rays(device, scene, precision: str) -> Rays:
     """Rays from detector pixels spread over the image of the mirror."""
-    calibration = Calibration(scene)
-    windows = place_windows(calibration, 1)
-    sources = receivers(calibration, windows.pixels, windows.origins, precision)
-    chosen = np.linspace(0, len(sources) - 1, STREAMS).astype(np.uint32)
+    chief = ChiefRays(scene)
+    windows = place_windows(chief, 1)
+    sources = receivers(chief, windows.pixels, windows.origins, precision)
+    chosen = np.linspace(0, len(sources) - 1, SOURCES).astype(np.uint32)
     paths, marks = _run(device, scene, precision, "trace_paths_adjoint", sources, chosen, 10, 2)
     words, detector = _words(sources["pixel"][chosen]), scene.camera.detector
     row, column = np.divmod(windows.pixels[chosen], detector.pixels[0])

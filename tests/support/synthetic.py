@@ -9,7 +9,7 @@ import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.imaging.patterns import LineScan
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.instrument import Detector
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
@@ -35,20 +35,20 @@ def noise_free_stack(scene: Scene) -> ImageStack:
     by lines costs no accuracy. A ray beside the screen loses the share of the lines that are not there.
     Flux in arbitrary units, 1 for a pixel that sees nothing but the mirror.
     """
-    calibration = Calibration(scene)
-    rows, columns = calibration.shape
+    chief = ChiefRays(scene)
+    rows, columns = chief.shape
     row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
     step = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS - 0.5
     step_row, step_column = (s.ravel() for s in np.meshgrid(step, step, indexing="ij"))
     angle = np.arange(APERTURE_POINTS) * 2 * np.pi / APERTURE_POINTS
     radius = scene.camera.aperture_diameter_mm / 2 / np.sqrt(2.0)
-    points, u, v = calibration.reverse(
+    points, u, v = chief.reverse(
         row[..., None, None] + step_row[:, None],
         column[..., None, None] + step_column[:, None],
         radius * np.cos(angle),
         radius * np.sin(angle),
     )
-    on = calibration.surface.contains(points[..., 0], points[..., 1])
+    on = chief.surface.contains(points[..., 0], points[..., 1])
     weight = (on / (SUBPIXELS**2 * APERTURE_POINTS)).reshape(rows * columns, -1)
     return ImageStack(
         *(_scan(scene, axis, landing.reshape(weight.shape), weight) for axis, landing in (("x", u), ("y", v)))

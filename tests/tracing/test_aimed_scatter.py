@@ -85,7 +85,7 @@ def test_light_that_is_aimed_at_other_elements_is_that_of_all_directions(device,
         scene = replace(scene, mirror=replace(scene.mirror, reflectance=0.5))
     lights = [light_of(scene, device, rays_per_pixel=2**14, branches="roulette", aimed_scatter=aimed, seed=5 + aimed)
               for aimed in (True, False)]  # fmt: skip
-    stays = [{stay.name: stay for stay in light.staying}[f"absorbed by {element}"] for light in lights]
+    stays = [{stay.name: stay for stay in light.losses}[f"absorbed by {element}"] for light in lights]
     assert_same(*stays, 0.7)
     if element == "plate":
         assert stays[0].standard_error_w < stays[1].standard_error_w  # so it was aimed at
@@ -110,17 +110,17 @@ def test_a_lit_walls_light_on_a_meter_beside_its_way(device):
     z = at / np.linalg.norm(at)
     x = np.cross([0.0, 1.0, 0.0], z)
     x /= np.linalg.norm(x)
-    place = at - 300.0 * z
-    aside = place + distance * z + side * x
+    cursor = at - 300.0 * z
+    aside = cursor + distance * z + side * x
 
     def plate(name, kind, where, facing, size_mm=side, **values):
         return Element(name, kind, tuple(where.tolist()), tuple(facing.tolist()), size_mm=(size_mm, size_mm), **values)
 
-    elements = (plate("wall", "absorber", place, at, scatter=Lambertian(0.8)),
+    elements = (plate("wall", "absorber", cursor, at, scatter=Lambertian(0.8)),
                 plate("meter", "detector", aside, aside - z, important=True),
                 plate("shield", "absorber", aside + z, aside - z, size_mm=side + 0.4))  # fmt: skip
     light = light_of(replace(scene, element=elements), device, rays_per_pixel=2**15, branches="roulette")
-    stays = {stay.name: stay for stay in light.staying}
+    stays = {stay.name: stay for stay in light.losses}
     arriving_w, meter = stays["absorbed by wall"].flux_w / 0.2, stays["absorbed by meter"]
     factor = facing_rectangles(2 * side, side, distance) - facing_rectangles(side, side, distance)
     expected = 0.8 * arriving_w * factor

@@ -12,9 +12,9 @@ from significance import sidak_z
 
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.opencl.structs import Fate
-from irtscots_cl.optics.chief_rays import Calibration, calibrate
+from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
 from irtscots_cl.optics.pixel.ray_map import RAYS
-from irtscots_cl.optics.pixel.response import pixel_light
+from irtscots_cl.optics.pixel.response import pixel_response
 from irtscots_cl.scene.presets import load_scene, sequential_presets
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.tracing.estimators.analytic import window_edges_mm
@@ -79,8 +79,8 @@ def differences(name, smoothing, rays, device):
 
 def run_coverage(name):
     """Coverage of the pixels in the windows as counted by chief rays, without the closed form."""
-    calibration = calibrate(scene_of(name))
-    return calibration.footprint.coverage.ravel()[analytic(name).windows.pixels]
+    chief = chief_rays(scene_of(name))
+    return chief.footprint.coverage.ravel()[analytic(name).windows.pixels]
 
 
 def mean_of(labels, difference, variance, least):
@@ -153,9 +153,9 @@ def test_all_light_of_a_scene_is_that_of_its_rays(device):
 
 def test_absolute_flux_at_the_centre_of_the_paper_s_sphere():
     run = analytic("sphere")
-    slot = np.flatnonzero(run.windows.pixels == 62 * 125 + 62)
+    visible_pixel = np.flatnonzero(run.windows.pixels == 62 * 125 + 62)
     for axis in "xy":
-        assert run.line_flux_w(axis)[0, slot].sum() == pytest.approx(4.168e-6, rel=1e-4)  # its digits
+        assert run.line_flux_w(axis)[0, visible_pixel].sum() == pytest.approx(4.168e-6, rel=1e-4)  # its digits
 
 
 def test_radiance_reflectance_and_transmittance_scale_the_flux():
@@ -210,14 +210,14 @@ def test_the_ledger_adds_up(name):
 
 def random_landings(scene, pixels, count):
     """Where light of the pixels lands: u, v [n, count] of random rays, NaN of those beside the mirror."""
-    calibration = Calibration(scene)
+    chief = ChiefRays(scene)
     generator = np.random.default_rng(3)
-    row, column = (index[:, None] for index in np.divmod(pixels, calibration.shape[1]))
+    row, column = (index[:, None] for index in np.divmod(pixels, chief.shape[1]))
     step = generator.uniform(-0.5, 0.5, (2, len(pixels), count))
     radius = scene.camera.aperture_diameter_mm / 2 * np.sqrt(generator.random((len(pixels), count)))
     angle = generator.uniform(0, 2 * np.pi, (len(pixels), count))
-    points, u, v = calibration.reverse(row + step[0], column + step[1], radius * np.cos(angle), radius * np.sin(angle))
-    on = calibration.surface.contains(points[..., 0], points[..., 1])
+    points, u, v = chief.reverse(row + step[0], column + step[1], radius * np.cos(angle), radius * np.sin(angle))
+    on = chief.surface.contains(points[..., 0], points[..., 1])
     return np.where(on, u, np.nan), np.where(on, v, np.nan)
 
 
@@ -287,8 +287,8 @@ def test_one_replicate_without_noise():
 
 def test_the_same_scene_gives_the_same_bits():
     first, second = trace(narrow(), estimator="analytic"), None
-    calibrate.cache_clear()
-    pixel_light.cache_clear()
+    chief_rays.cache_clear()
+    pixel_response.cache_clear()
     second = trace(narrow(), estimator="analytic", seed=99, rays_per_pixel=8, replicates=2)  # which it has no use for
     for axis in "xy":
         np.testing.assert_array_equal(first.flux_w[axis], second.flux_w[axis])

@@ -29,7 +29,7 @@ from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.estimators import nonsequential
 from irtscots_cl.tracing.estimators.nonsequential import PathTracer
-from irtscots_cl.tracing.estimators.path_sums import Kept
+from irtscots_cl.tracing.estimators.path_sums import TrackedPaths
 from irtscots_cl.tracing.options import NONSEQUENTIAL, TraceOptions
 
 FAILURE_CHANCE = 1e-6
@@ -99,11 +99,11 @@ def test_the_same_seed_gives_the_same_bits_for_any_cut_into_launches(device, mon
 
     first, again = run(), run()
     monkeypatch.setattr(nonsequential, "MAX_RAYS_PER_ITEM", 768)
-    monkeypatch.setattr(nonsequential.Pace, "launch_rays", lambda self, first: 100_000)
+    monkeypatch.setattr(nonsequential.RateMeter, "launch_rays", lambda self, first: 100_000)
     cut = run()
     for light in (again, cut):
         np.testing.assert_array_equal(light.images_w, first.images_w)
-        assert light.paths == first.paths and light.ends == first.ends and light.staying == first.staying
+        assert light.paths == first.paths and light.ends == first.ends and light.losses == first.losses
 
 
 def test_how_many_rays_go_side_by_side_changes_no_path(device, monkeypatch):
@@ -130,7 +130,7 @@ def test_the_ledger_closes_at_any_bounce_limit(device, limit):
     assert (SINGLET_GHOST in {path.name for path in light.paths}) == (limit >= 6)  # so many events
     chance = light_of(load_scene("sphere-singlet"), device, bounce_limit=limit, rays_per_pixel=2048, seed=6,
                       branches="roulette")  # fmt: skip
-    one, other = (found.staying[-1] for found in (light, chance))
+    one, other = (found.losses[-1] for found in (light, chance))
     assert one.name == other.name == "bounce limit"
     assert abs(one.flux_w - other.flux_w) < T * math.hypot(one.standard_error_w, other.standard_error_w)
     assert one.flux_w > 0
@@ -140,8 +140,8 @@ def test_rays_that_part_at_the_limit_are_given_up_there(device):
     """All meet the window first, and leave two rays each that go no further."""
     scene = coarse_screen(load_scene("sphere-window"))
     tracer = PathTracer(scene, device, TraceOptions(NONSEQUENTIAL, seed=7), bounce_limit=1, branches="both")
-    _, sums = tracer.run(np.array([256]), Kept((), ()))
-    ends = tracer.work.ends(sums, 256 * tracer.streams)
+    _, sums = tracer.run(np.array([256]), TrackedPaths((), ()))
+    ends = tracer.work.ends(sums, 256 * tracer.sources)
     assert ends["bounce limit"] == 2 * ends["launched"] == 2 * ends["parted"]
 
 
@@ -152,10 +152,10 @@ def half_mirrors(count, reflectance=0.5):
     z = -at / np.linalg.norm(at)
     faces = []
     for k in range(2 * count):
-        place = at + (10 + 4 * (2 * count - k)) * z
+        cursor = at + (10 + 4 * (2 * count - k)) * z
         front, back = (1.0, 1.5) if k % 2 == 0 else (1.5, 1.0)
         faces.append(
-            Element(f"face.{k}", "refractor", tuple(place.tolist()), tuple((place + z).tolist()), diameter_mm=60.0,
+            Element(f"face.{k}", "refractor", tuple(cursor.tolist()), tuple((cursor + z).tolist()), diameter_mm=60.0,
                     index_front=front, index_back=back, reflectance=reflectance)
         )  # fmt: skip
     return replace(scene, element=tuple(faces))
@@ -169,10 +169,10 @@ def test_no_ray_is_lost_where_very_many_part(device):
     """
     scene, rays = half_mirrors(5), np.array([256])
     tracer = PathTracer(scene, device, TraceOptions(NONSEQUENTIAL, seed=7), branches="both")
-    _, sums = tracer.run(rays, Kept((), ()))
-    ends = tracer.work.ends(sums, int(rays.sum()) * tracer.streams)
+    _, sums = tracer.run(rays, TrackedPaths((), ()))
+    ends = tracer.work.ends(sums, int(rays.sum()) * tracer.sources)
     assert ends["parted"] > 5 * ends["launched"]
     assert ends["failed"] == 0
     (other,) = tracer.work.fluxes(sums, rays)
-    staying_w = sum(stay.flux_w for stay in tracer.work.staying(sums, rays))
+    staying_w = sum(stay.flux_w for stay in tracer.work.losses(sums, rays))
     assert other.flux_w + staying_w == pytest.approx(tracer.work.launched_w, rel=1e-4, abs=0)

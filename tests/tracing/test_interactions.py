@@ -15,7 +15,7 @@ from irtscots_cl.maths.quadric import Quadric
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
 from irtscots_cl.opencl.structs import PRECISIONS, element_dtype
-from irtscots_cl.optics.elements.components import parts_of
+from irtscots_cl.optics.elements.components import components_of
 from irtscots_cl.scene.presets import load_scene
 
 COUNT = 4096  # rays of a test; a multiple of every width
@@ -37,7 +37,9 @@ GIVEN_RAYS = """    Rays rays;
     rays.group[0] = (intv)(0);
 """
 
-MEET = GIVEN_RAYS + """    rays.last[0] = (intv)(last);
+MEET = (
+    GIVEN_RAYS
+    + """    rays.last[0] = (intv)(last);
     rays.before[0] = (intv)(before);
     rays.reach[0] = reach_of(rays.x[0], rays.y[0], rays.z[0]);
     realv nearest = (realv)(INFINITY);
@@ -47,9 +49,12 @@ MEET = GIVEN_RAYS + """    rays.last[0] = (intv)(last);
         steps[get_global_id(0) * WIDTH + lane] = ((const real *)&nearest)[lane];
         numbers[get_global_id(0) * WIDTH + lane] = ((const int *)&which)[lane];
     }"""
+)
 
 # Rays through refractors in their order, as step_rays of trace_paths.cl takes them: `draw` never lets one reflect.
-THROUGH = GIVEN_RAYS + """    rays.last[0] = rays.before[0] = (intv)(-1);
+THROUGH = (
+    GIVEN_RAYS
+    + """    rays.last[0] = rays.before[0] = (intv)(-1);
     for (int k = 0; k < count; ++k) {
         __constant Element *element = &elements[k];
         rays.reach[0] = reach_of(rays.x[0], rays.y[0], rays.z[0]);
@@ -86,6 +91,7 @@ THROUGH = GIVEN_RAYS + """    rays.last[0] = rays.before[0] = (intv)(-1);
         out[6 * ray + 4] = ((const real *)&rays.dy[0])[lane];
         out[6 * ray + 5] = ((const real *)&rays.dz[0])[lane];
     }"""
+)
 
 INTERACT = """    Interaction at;
     for (int lane = 0; lane < WIDTH; ++lane) {
@@ -103,7 +109,7 @@ INTERACT = """    Interaction at;
     }
     at.goes = at.along;
     at.weight = at.arriving = (realv)(1);
-    at.absorbed = at.parts = (realv)(0);
+    at.absorbed = at.split = (realv)(0);
     at.event = (intv)(EVENT_NOMINAL);
     at.room = (intv)(1);
     at.ends = to_mask(at.event != at.event);
@@ -116,7 +122,7 @@ INTERACT = """    Interaction at;
         out[6 * ray + 2] = ((const real *)&at.goes.z)[lane];
         out[6 * ray + 3] = ((const real *)&at.weight)[lane];
         out[6 * ray + 4] = ((const real *)&at.absorbed)[lane];
-        out[6 * ray + 5] = ((const real *)&at.parts)[lane];
+        out[6 * ray + 5] = ((const real *)&at.split)[lane];
         marks[2 * ray] = ((const int *)&at.event)[lane];
         marks[2 * ray + 1] = ((const int *)&ends)[lane];
     }"""
@@ -167,7 +173,7 @@ class Bench:
         out = [np.zeros((len(rays), 6), self.real), np.zeros((len(rays), 2), np.int32)]
         values, marks = (a[: len(along)] for a in self.launch(work, [element, rays, words.astype(np.uint32)], out))
         return SimpleNamespace(goes=values[:, :3].astype(float), weight=values[:, 3].astype(float),
-                               absorbed=values[:, 4].astype(float), parts=values[:, 5].astype(float),
+                               absorbed=values[:, 4].astype(float), components=values[:, 5].astype(float),
                                event=marks[:, 0], ends=marks[:, 1])  # fmt: skip
 
     def through(self, elements, starts, directions):
@@ -574,14 +580,14 @@ def test_both_branches_share_the_light(device, tmp_path, precision, kind):
     """The ray goes on refracted with 1 - R whatever its random word; one of weight R parts from it, mirrored."""
     bench = Bench(device, tmp_path, precision, "split")
     generator = np.random.default_rng(10)
-    element = element_of(bench, index_front=1.0, index_back=1.5, least_chance=0.1, least_weight=1e-3, **KINDS[kind])
+    element = element_of(bench, index_front=1.0, index_back=1.5, least_chance=0.1, min_weight=1e-3, **KINDS[kind])
     along, words = incident(generator), generator.integers(0, 2**32, COUNT, np.uint32)
     found, shares = bench.interact(kind, element, along, words=words), bench.refract(element, along, kind=kind)
-    np.testing.assert_array_equal(found.parts, shares.weight)
-    np.testing.assert_allclose(found.weight + found.parts, 1, rtol=0, atol=bench.epsilon)
+    np.testing.assert_array_equal(found.components, shares.weight)
+    np.testing.assert_allclose(found.weight + found.components, 1, rtol=0, atol=bench.epsilon)
     np.testing.assert_array_equal(found.goes, shares.goes)
     assert (found.event == 0).all() and not found.ends.any() and not found.absorbed.any()
-    assert (found.goes[:, 2] < 0).all() and found.parts.min() > 1e-3
+    assert (found.goes[:, 2] < 0).all() and found.components.min() > 1e-3
 
 
 @pytest.mark.parametrize("reflectance", [0.1, 0.9])
@@ -592,17 +598,17 @@ def test_a_branch_without_weight_or_room_is_left_to_chance(
     """0.1 of a ray is the weaker share: at a hundredth of a ray it comes to the limit, 1e-3."""
     bench = Bench(device, tmp_path, precision, "split")
     words = (np.arange(COUNT) * (2**32 // COUNT) + 2**31 // COUNT).astype(np.uint32)
-    element = element_of(bench, index_front=1.0, index_back=1.5, reflectance=reflectance, least_weight=1e-3)
+    element = element_of(bench, index_front=1.0, index_back=1.5, reflectance=reflectance, min_weight=1e-3)
     along = np.tile([[0.6, 0.0, -0.8]], (COUNT, 1))
     call = f"at.arriving = (realv)((real){arriving}); at.room = (intv)({room}); interact_refractor(elements, &at);"
     found = bench.interact("refractor", element, along, words=words, call=call)
     if both:
-        np.testing.assert_allclose(found.parts, reflectance, rtol=bench.epsilon)
+        np.testing.assert_allclose(found.components, reflectance, rtol=bench.epsilon)
         np.testing.assert_allclose(found.weight, 1 - reflectance, rtol=8 * bench.epsilon)
         assert (found.event == 0).all()
         return
     reflected = found.event == 1
-    assert not found.parts.any()
+    assert not found.components.any()
     assert abs(reflected.mean() - reflectance) <= 1 / COUNT
     np.testing.assert_allclose(found.weight, 1, rtol=8 * bench.epsilon)  # the chance is the share itself
     np.testing.assert_array_equal(reflected, found.goes[:, 2] > 0)
@@ -610,9 +616,9 @@ def test_a_branch_without_weight_or_room_is_left_to_chance(
 
 def test_light_that_is_wholly_reflected_does_not_part(device, tmp_path, precision):
     bench = Bench(device, tmp_path, precision, "split")
-    element = element_of(bench, index_front=1.0, index_back=1.5, reflectance=-1.0, least_weight=1e-3, least_chance=0.1)
+    element = element_of(bench, index_front=1.0, index_back=1.5, reflectance=-1.0, min_weight=1e-3, least_chance=0.1)
     found = bench.interact("refractor", element, rays_at(np.full(COUNT, 1.0), -1))  # 57 degrees; critical: 42
-    assert not found.parts.any()
+    assert not found.components.any()
     np.testing.assert_array_equal(found.weight, 1)
     assert (found.event == 1).all() and (found.goes[:, 2] < 0).all()
 
@@ -646,10 +652,13 @@ def test_real_lenses_image_as_the_oracle_says(bench, name):
     """Focal length, image height and transverse spherical aberration, of the very rays that the kernel is given."""
     scene = load_scene(name)
     origin, axes = np.array(scene.camera.position_mm), np.stack(sequence.axes_of(scene.camera))
-    elements = [element_of(bench, replace(part.frame, position_mm=part.frame.position_mm - origin), part.quadric,
-                           origin=part.frame.position_mm - origin, index_front=part.index_front,
-                           index_back=part.index_back, reflectance=-1.0)
-                for part in parts_of(scene) if part.kind == "refractor"]  # fmt: skip
+    elements = []
+    for component in components_of(scene):
+        if component.kind == "refractor":
+            place = component.frame.position_mm - origin
+            frame = replace(component.frame, position_mm=place)
+            index = {"index_front": component.index_front, "index_back": component.index_back}
+            elements.append(element_of(bench, frame, component.quadric, origin=place, reflectance=-1.0, **index))
     start, along = (vectors @ axes for vectors in lens_rays(scene))
     found = bench.through(np.concatenate(elements), start, along)
     start, along = (vectors.astype(bench.real).astype(float) for vectors in (start, along))

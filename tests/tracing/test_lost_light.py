@@ -26,7 +26,7 @@ STEP = 2.0**-20  # of a ray's weight: staying light is counted in these
 
 
 def staying_of(light):
-    return {stay.name: stay for stay in light.staying}
+    return {stay.name: stay for stay in light.losses}
 
 
 def balance(light):
@@ -34,9 +34,9 @@ def balance(light):
 
     Errors of the parts add up to at least that of their sum.
     """
-    parts = [*light.paths, *light.staying]
-    left = sum(part.flux_w for part in parts) - light.launched_w
-    return left / light.launched_w, sum(part.standard_error_w for part in parts) / light.launched_w
+    components = [*light.paths, *light.losses]
+    left = sum(component.flux_w for component in components) - light.launched_w
+    return left / light.launched_w, sum(component.standard_error_w for component in components) / light.launched_w
 
 
 def wall(**values):
@@ -81,7 +81,7 @@ def test_a_mirror_absorbs_what_it_does_not_reflect(device):
     bare = light_of(load_scene("sphere"), device, rays_per_pixel=2**11)
     stays, of_bare = staying_of(light), staying_of(bare)
     arrives_w = stays["absorbed by mirror"].flux_w / 0.1
-    reflected_w = sum(part.flux_w for part in (*light.paths, *light.staying)) - stays["absorbed by mirror"].flux_w
+    reflected_w = sum(light_w.flux_w for light_w in (*light.paths, *light.losses)) - stays["absorbed by mirror"].flux_w
     missed_w = light.launched_w - arrives_w
     assert of_bare["absorbed by mirror"].flux_w == 0
     assert reflected_w == pytest.approx(0.9 * arrives_w + missed_w, rel=2e-6, abs=0)  # steps of 2^-20

@@ -23,7 +23,7 @@ from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.estimators import nonsequential
 from irtscots_cl.tracing.estimators.analytic import trace_analytic
 from irtscots_cl.tracing.estimators.nonsequential import PathTracer
-from irtscots_cl.tracing.estimators.path_sums import Kept
+from irtscots_cl.tracing.estimators.path_sums import TrackedPaths
 from irtscots_cl.tracing.options import NONSEQUENTIAL, TraceOptions
 from irtscots_cl.tracing.results.paths import KINDS
 from irtscots_cl.tracing.trace import trace, trace_paths
@@ -261,12 +261,12 @@ def oracle_light(name):
     return sequence.from_one_pixel(one_pixel(name), ORACLE_RAYS, np.random.default_rng(52))
 
 
-def moments(place, weight):
+def moments(cursor, weight):
     """Of light at places (column, row) [n, 2]: means of column, row, their squares and product, and their variances.
 
     Places from the detector's middle, in pixels; those of the kernel are whole pixels, so the oracle's are rounded too.
     """
-    x, y = (place - 62).T
+    x, y = (cursor - 62).T
     values, share = np.stack([x, y, x * x, y * y, x * y]), weight / weight.sum()
     mean = values @ share
     return mean, (values - mean[:, None]) ** 2 @ share
@@ -282,7 +282,7 @@ def test_a_real_lens_images_the_mirror_as_the_oracle_says(device, name):
     np.testing.assert_array_equal(image, light.images_w[0, DIRECT, 1])  # its column is its row
     row, column = np.divmod(np.arange(len(image)), 125)
     found, variance = moments(np.stack([column, row], -1), image)
-    expected, of_oracle = moments(np.rint(oracle.place), oracle.flux_w)
+    expected, of_oracle = moments(np.rint(oracle.cursor), oracle.flux_w)
     z = (found - expected) / np.sqrt(variance / rays + of_oracle / len(oracle.flux_w))
     assert np.abs(z).max() < sidak_z(len(z), CHANCE)
     radius = math.sqrt(expected[2] + expected[3])
@@ -407,9 +407,9 @@ def test_kinds_of_paths_add_up_to_all_light(device):
     light = ghosts(device)
     pattern = LineScan(light.scene)
     whole = light.images(pattern)
-    parts = [light.only(kind).images(pattern) for kind in KINDS]
+    components = [light.only(kind).images(pattern) for kind in KINDS]
     for axis in ("x", "y"):
-        split = [getattr(part, axis).flux_w for part in parts]
+        split = [getattr(component, axis).flux_w for component in components]
         np.testing.assert_allclose(sum(split), getattr(whole, axis).flux_w, rtol=1e-15, atol=0)  # rounding
         assert split[DIRECT].any() and split[GHOST].any() and not split[SCATTER].any()
         both = getattr(light.only("direct", "ghost").images(pattern), axis).flux_w
@@ -425,7 +425,7 @@ def test_the_same_seed_gives_the_same_bits_for_any_cut_into_launches(device, mon
 
     first, again = run(), run()
     monkeypatch.setattr(nonsequential, "MAX_RAYS_PER_ITEM", 768)
-    monkeypatch.setattr(nonsequential.Pace, "launch_rays", lambda self, first: 100_000)
+    monkeypatch.setattr(nonsequential.RateMeter, "launch_rays", lambda self, first: 100_000)
     cut, other = run(), run(seed=8)
     for light in (again, cut):
         np.testing.assert_array_equal(light.images_w, first.images_w)
@@ -456,8 +456,8 @@ def test_rays_are_given_up_at_the_bounce_limit(device):
     ends = []
     for limit in (1, 2, 3):
         tracer = PathTracer(scene, device, options, limit, 0.1)
-        _, sums = tracer.run(np.array([512]), Kept((), ()))
-        ends.append(tracer.work.ends(sums, 512 * tracer.streams))
+        _, sums = tracer.run(np.array([512]), TrackedPaths((), ()))
+        ends.append(tracer.work.ends(sums, 512 * tracer.sources))
     one, two, three = ends
     assert (one["detected"], two["detected"]) == (0, 0)
     assert three["detected"] > 0 and three["bounce limit"] == 0

@@ -241,10 +241,10 @@ def exponentials(words):
     return np.exp((words + 0.5) * 2.0**-32 @ RATE) / np.prod(np.expm1(RATE) / RATE)
 
 
-def errors(sampler, function, count, streams):
+def errors(sampler, function, count, sources):
     """Errors [streams] of the mean over the first count rays of each stream."""
     rays = rays_from(0, count)
-    return np.array([function(sample_words(sampler, 11, stream, 0, rays)).mean() - 1 for stream in streams])
+    return np.array([function(sample_words(sampler, 11, source, 0, rays)).mean() - 1 for source in sources])
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)

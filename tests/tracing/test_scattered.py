@@ -16,8 +16,8 @@ from significance import chi_square_p, sidak_p, sidak_z
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
 from irtscots_cl.opencl.structs import PATH, PRECISIONS, path_job_dtype
-from irtscots_cl.optics.chief_rays import calibrate
-from irtscots_cl.optics.elements.components import parts_of
+from irtscots_cl.optics.chief_rays import chief_rays
+from irtscots_cl.optics.elements.components import components_of
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
 from irtscots_cl.tracing.packing.components import LOBE_SHARE, pack_elements, pack_scatter
@@ -73,15 +73,15 @@ class Scatterer:
     """A mirror that scatters by a model, on the device. lobe, target: as the kernels see them."""
 
     def __init__(self, device, folder, precision, model, aimed):
-        packed = pack(calibrate(load_scene("sphere")), precision)
+        packed = pack(chief_rays(load_scene("sphere")), precision)
         scene = load_scene("sphere")
         scene = replace(scene, mirror=replace(scene.mirror, scatter=model))
-        real, parts = PRECISIONS[precision], parts_of(scene)
-        self.scatter, structs = pack_scatter(scene, parts, real, aimed)
+        real, components = PRECISIONS[precision], components_of(scene)
+        self.scatter, structs = pack_scatter(scene, components, real, aimed)
         self.scatter["targets"]["radius"] = TARGET_MM
         self.lobe, self.target = self.scatter["lobes"][0], self.scatter["targets"][0]
         self.model, self.real = NAMES.index(type(model).__name__.lower()), real
-        structs |= {"Element": pack_elements(scene, parts, real, 0.1).dtype, "Path": PATH}
+        structs |= {"Element": pack_elements(scene, components, real, 0.1).dtype, "Path": PATH}
         structs |= {"PathJob": path_job_dtype(real)}
         signature = "__constant Scatter *scatter, int model, __constant real *about, __global const uint *words, "
         signature += "__global const real *cosines, __global real *out"
@@ -94,8 +94,8 @@ class Scatterer:
         """Columns: beta [n, 2], along [n, 3], bsdf, density, share of a ray of each random words [n, 3]."""
         work, out = self.work, np.zeros((len(words), 8), self.real)
         cosines = np.ones(len(words)) if cosines is None else cosines
-        about = np.array([*AT, *beta0, 0.0], self.real)
-        given = [work.upload(self.scatter), np.int32(self.model), work.upload(about), work.upload(words),
+        device_identity = np.array([*AT, *beta0, 0.0], self.real)
+        given = [work.upload(self.scatter), np.int32(self.model), work.upload(device_identity), work.upload(words),
                  work.upload(cosines.astype(self.real))]  # fmt: skip
         buffer = work.empty(out.nbytes)
         work.launch((len(words) // self.width, 1), [*given, buffer])

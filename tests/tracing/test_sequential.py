@@ -20,7 +20,7 @@ from irtscots_cl.execution import run_loop as runner
 from irtscots_cl.execution.launch_plan import plan_launches
 from irtscots_cl.opencl.device import DeviceError
 from irtscots_cl.opencl.structs import WEIGHT_ONE
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.screen_windows import place_windows
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.validation import SceneError
@@ -66,7 +66,7 @@ def flux_of_pixels(scene, row, column):
 
 def inner_pixels(scene):
     """Flat numbers of the pixels that see nothing but mirror through every point of the aperture."""
-    coverage = np.pad(Calibration(scene).footprint.coverage == 1, 1)
+    coverage = np.pad(ChiefRays(scene).footprint.coverage == 1, 1)
     return np.flatnonzero(
         np.logical_and.reduce(
             [
@@ -80,9 +80,7 @@ def inner_pixels(scene):
 
 def test_flux_integral_gives_the_stated_value():
     scene = load_scene("sphere")
-    assert flux_of_pixels(scene, np.array([62]), np.array([62]))[0] == pytest.approx(
-        4.168e-6, rel=1e-4
-    )  # its digits
+    assert flux_of_pixels(scene, np.array([62]), np.array([62]))[0] == pytest.approx(4.168e-6, rel=1e-4)  # its digits
 
 
 @pytest.mark.parametrize(
@@ -103,20 +101,20 @@ def test_absolute_flux(device, estimator, overfill, rays):
     inner = inner_pixels(scene)
     assert len(inner) > 9000
     of_replicate = np.stack([run.flux_w(r).sum((1, 2)) for r in range(8)])
-    slot = np.searchsorted(run.windows.pixels, inner)
-    np.testing.assert_array_equal(run.windows.pixels[slot], inner)
+    visible_pixel = np.searchsorted(run.windows.pixels, inner)
+    np.testing.assert_array_equal(run.windows.pixels[visible_pixel], inner)
     row, column = np.divmod(inner, 125)
     exact = flux_of_pixels(scene, row, column)
     rounding = 3e-7  # of fixed-point weights (2^-25 each) and of cos^4 in single precision
 
-    centre = of_replicate[:, slot[inner == 62 * 125 + 62]][:, 0]
+    centre = of_replicate[:, visible_pixel[inner == 62 * 125 + 62]][:, 0]
     mean, error = centre.mean(), centre.std(ddof=1) / np.sqrt(8)
     # 10 standard errors of eight replicates: Student's t with 7 degrees, failure chance 2e-5
     assert abs(mean - exact[inner == 62 * 125 + 62][0]) < 10 * error + rounding * mean
     assert error < (0.1 if estimator == "forward" else 1e-4) * mean  # the check means something
 
     # Each pixel relative to its own value, all of them together: Student's t as above
-    ratio = (of_replicate[:, slot] / exact).mean(1)
+    ratio = (of_replicate[:, visible_pixel] / exact).mean(1)
     error = ratio.std(ddof=1) / np.sqrt(8)
     assert abs(ratio.mean() - 1) < 10 * error + rounding
     assert error < (2e-3 if estimator == "forward" else 1e-6)
@@ -147,9 +145,7 @@ def test_the_ledger_closes_and_names_every_loss(device, scene, estimator):
     ledger = dict(run.ledger)
     launched = ledger.pop("launched")
     columns, rows = scene.screen.pixels
-    assert (
-        launched == run.rays_total == 2000 * (columns * rows if estimator == "forward" else len(run.windows.pixels))
-    )
+    assert launched == run.rays_total == 2000 * (columns * rows if estimator == "forward" else len(run.windows.pixels))
     assert sum(ledger.values()) == launched
     assert ledger["failed"] == ledger["absorbed"] == 0
     assert list(run.rays) == [667, 667, 666]
@@ -176,9 +172,7 @@ def test_shapes_and_descriptions(device):
     assert (np.diff(run.windows.pixels) > 0).all()
     assert run.replicates == 4 and run.options.seed == 5 and run.device == device.describe() and run.scene is scene
     assert run.seconds["trace"] > 0 and run.seconds["build"] > 0
-    np.testing.assert_allclose(
-        np.mean([run.flux_w(r) for r in range(4)], axis=0), run.flux_w(), rtol=1e-13
-    )  # rounding
+    np.testing.assert_allclose(np.mean([run.flux_w(r) for r in range(4)], axis=0), run.flux_w(), rtol=1e-13)  # rounding
     one = trace(scene, device=device, rays_per_pixel=10, replicates=1)
     assert np.isnan(one.standard_error_w()).all()
 
@@ -244,13 +238,13 @@ def test_double_precision_is_refused_where_there_is_none(device, monkeypatch):
     st.integers(1, 30),
     st.lists(st.integers(1, 10_000), min_size=1, max_size=20),
 )
-def test_launches_cover_every_ray_of_every_stream_once(streams, rays, per_item, sizes):
+def test_launches_cover_every_ray_of_every_stream_once(sources, rays, per_item, sizes):
     wanted = iter(sizes * 10_000)  # the timed size may change from launch to launch
-    covered = np.zeros((streams, rays), int)
-    for first_stream, count, first_ray, ray_count in plan_launches(streams, rays, lambda: next(wanted), per_item):
+    covered = np.zeros((sources, rays), int)
+    for first_source, count, first_ray, ray_count in plan_launches(sources, rays, lambda: next(wanted), per_item):
         assert count >= 1 and ray_count >= 1
-        assert first_stream + count <= streams and first_ray + ray_count <= rays
-        covered[first_stream : first_stream + count, first_ray : first_ray + ray_count] += 1
+        assert first_source + count <= sources and first_ray + ray_count <= rays
+        covered[first_source : first_source + count, first_ray : first_ray + ray_count] += 1
     assert (covered == 1).all()
 
 
@@ -302,8 +296,8 @@ def test_counts_do_not_depend_on_the_accumulation(whole, device, monkeypatch):
     tiled = trace(**options)
     monkeypatch.setattr(module, "MAX_TILE_BYTES", 0)
     same(trace(**options), tiled)
-    calibration = Calibration(options["scene"])
-    sources = [Tracer(calibration, device, tiled.options, accumulate=kind).source for kind in (None, "atomic")]
+    chief = ChiefRays(options["scene"])
+    sources = [Tracer(chief, device, tiled.options, accumulate=kind).source for kind in (None, "atomic")]
     assert sources[0] == sources[1]  # without room for a tile it is the atomic one
 
 
@@ -315,12 +309,12 @@ def test_counts_do_not_depend_on_the_rays_side_by_side(device, scene, sampler, e
     if device.vector_width("fp32") == 1:
         pytest.skip("this device traces one ray per work-item anyway")
     options = TraceOptions(estimator, sampler, seed=3)
-    calibration, rays = Calibration(scene), np.array([300, 270])  # not whole blocks
-    wide = Tracer(calibration, device, options)
-    narrow = Tracer(calibration, device, options, width=1, accumulate="atomic")
+    chief, rays = ChiefRays(scene), np.array([300, 270])  # not whole blocks
+    wide = Tracer(chief, device, options)
+    narrow = Tracer(chief, device, options, width=1, accumulate="atomic")
     assert "simd_vector.cl" in wide.source.files and "simd_scalar.cl" in narrow.source.files
     (counts, fates), (one_by_one, fates_one_by_one) = (part.run(rays) for part in (wide, narrow))
-    assert fates.sum() == fates_one_by_one.sum() == rays.sum() * wide.streams
+    assert fates.sum() == fates_one_by_one.sum() == rays.sum() * wide.sources
     # The compiler may contract other products here than there: fewer than 1e-3 of the rays lie so close to an edge
     moved = np.abs(one_by_one.astype(float) - counts).sum()
     assert moved <= 1e-3 * counts.sum()
@@ -357,18 +351,16 @@ def test_replicates_differ_and_begin_alike(whole):
     options, run = whole
     assert not np.array_equal(run.counts[0], run.counts[1])
     alone = trace(**options | {"replicates": 1, "rays_per_pixel": 1250})
-    np.testing.assert_array_equal(
-        alone.counts[0], run.counts[0]
-    )  # the first replicate does not know of the second
+    np.testing.assert_array_equal(alone.counts[0], run.counts[0])  # the first replicate does not know of the second
 
 
 def test_windows_grow_until_they_hold_all_light(whole, monkeypatch):
     options, run = whole
     asked = []
 
-    def beside_at_first(calibration, margin):
+    def beside_at_first(chief, margin):
         asked.append(margin)
-        windows = place_windows(calibration, margin)
+        windows = place_windows(chief, margin)
         aside = np.maximum(windows.origins - np.array([3, 0]), 0).astype(np.int32)
         return replace(windows, origins=aside) if margin == 1 else windows
 
@@ -419,20 +411,24 @@ def ray_by_ray(device, scene, name, sources, chosen, fields, marks, first_ray):
 @pytest.mark.parametrize("scene", [coarse(), lopsided()], ids=lambda scene: scene.name)
 def test_forward_counts_are_the_rays_that_came_through(device, scene, start):
     run = trace(scene, device=device, estimator="forward", rays_per_pixel=RAYS - 28, replicates=1, seed=3)
-    sources, _ = emitters(Calibration(scene), "fp32", 1.0, "mirror")
-    streams = np.arange(len(sources), dtype=np.uint32)
-    _, marks = ray_by_ray(device, scene, "trace_paths_forward", sources, streams, 11, 3, start)
+    sources, _ = emitters(ChiefRays(scene), "fp32", 1.0, "mirror")
+    sources = np.arange(len(sources), dtype=np.uint32)
+    _, marks = ray_by_ray(device, scene, "trace_paths_forward", sources, sources, 11, 3, start)
     marks = marks[:, : RAYS - 28]
     landed = (marks[..., 1] == 1) & (marks[..., 2] >= 0)
-    screen = np.broadcast_to(streams[:, None], landed.shape)
+    screen = np.broadcast_to(sources[:, None], landed.shape)
     shape = (scene.camera.detector.pixels[0] * scene.camera.detector.pixels[1], len(sources))
     expected = np.zeros(shape, int)
     np.add.at(expected, (marks[..., 2][landed], screen[landed]), 1)
 
     counted = np.zeros(shape, int)
-    slot, row, column = np.nonzero(run.counts[0])
-    source = (run.windows.origins[slot, 1] + row) * scene.screen.pixels[0] + run.windows.origins[slot, 0] + column
-    counted[run.windows.pixels[slot], source] = run.counts[0][slot, row, column]
+    visible_pixel, row, column = np.nonzero(run.counts[0])
+    source = (
+        (run.windows.origins[visible_pixel, 1] + row) * scene.screen.pixels[0]
+        + run.windows.origins[visible_pixel, 0]
+        + column
+    )
+    counted[run.windows.pixels[visible_pixel], source] = run.counts[0][visible_pixel, row, column]
     assert expected.sum() > 4000
     # The compiler may contract other products here than there: 1e-4 of the rays lie so close to an edge
     assert np.abs(counted - expected).sum() <= 1e-4 * expected.sum() + 1
@@ -441,27 +437,23 @@ def test_forward_counts_are_the_rays_that_came_through(device, scene, start):
 @pytest.mark.parametrize("scene", [coarse(), lopsided()], ids=lambda scene: scene.name)
 def test_adjoint_sums_are_the_weights_that_reached_each_screen_pixel(device, scene, start):
     run = trace(scene, device=device, estimator="adjoint", rays_per_pixel=RAYS - 28, replicates=1, seed=3)
-    sources = receivers(Calibration(scene), run.windows.pixels, run.windows.origins, "fp32")
+    sources = receivers(ChiefRays(scene), run.windows.pixels, run.windows.origins, "fp32")
     chosen = np.linspace(0, len(sources) - 1, 200).astype(np.uint32)
     paths, marks = ray_by_ray(device, scene, "trace_paths_adjoint", sources, chosen, 10, 2, start)
     paths, marks = paths[:, : RAYS - 28].astype(float), marks[:, : RAYS - 28]
     columns, rows = scene.screen.pixels
-    place = (paths[..., 5:7] - scene.screen.centre_offset_mm) / scene.screen.pitch_mm + np.array(
-        [columns, rows]
-    ) / 2
-    place = np.floor(place).astype(int)
-    landed = marks.all(-1) & (place >= 0).all(-1) & (place < [columns, rows]).all(-1)
+    cursor = (paths[..., 5:7] - scene.screen.centre_offset_mm) / scene.screen.pitch_mm + np.array([columns, rows]) / 2
+    cursor = np.floor(cursor).astype(int)
+    landed = marks.all(-1) & (cursor >= 0).all(-1) & (cursor < [columns, rows]).all(-1)
     expected = np.zeros((len(chosen), rows, columns))
     which = np.broadcast_to(np.arange(len(chosen))[:, None], landed.shape)
     weight = paths[..., 7] * sources["weight_scale"][chosen][:, None]
-    np.add.at(
-        expected, (which[landed], place[..., 1][landed], place[..., 0][landed]), weight[landed] / WEIGHT_ONE
-    )
+    np.add.at(expected, (which[landed], cursor[..., 1][landed], cursor[..., 0][landed]), weight[landed] / WEIGHT_ONE)
 
     counted = np.zeros_like(expected)
-    for k, slot in enumerate(chosen):
-        column, row = run.windows.origins[slot]
-        window = run.counts[0, slot] / WEIGHT_ONE
+    for k, visible_pixel in enumerate(chosen):
+        column, row = run.windows.origins[visible_pixel]
+        window = run.counts[0, visible_pixel] / WEIGHT_ONE
         counted[k, row : row + window.shape[0], column : column + window.shape[1]] = window
     assert expected.sum() > 50_000
     # as above, and 2^-25 of fixed point per ray
@@ -478,9 +470,7 @@ def test_replicates_scatter_as_counts_do(device, estimator):
     A share p of a detector pixel's rays lands in a bin: the adjoint's counts are binomial, 1 - p as much.
     """
     of_replicate = 8000 if estimator == "forward" else 1000
-    run = trace(
-        coarse(), device=device, estimator=estimator, rays_per_pixel=16 * of_replicate, replicates=16, seed=8
-    )
+    run = trace(coarse(), device=device, estimator=estimator, rays_per_pixel=16 * of_replicate, replicates=16, seed=8)
     one = WEIGHT_ONE if estimator == "adjoint" else 1
     counts = run.counts / one
     used = counts.sum(0) >= 1
@@ -497,11 +487,7 @@ def test_replicates_scatter_as_counts_do(device, estimator):
     assert chance > sidak_p(int(strong.sum()), 1e-6)  # failure chance 1e-6
 
     error = run.standard_error_w()[used]
-    poisson = (
-        np.sqrt(total * (1 - share)) * one / run.rays.sum() * np.broadcast_to(run.unit_w, used.shape)[used]
-    )
+    poisson = np.sqrt(total * (1 - share)) * one / run.rays.sum() * np.broadcast_to(run.unit_w, used.shape)[used]
     ratio = np.mean((error[strong] / poisson[strong]) ** 2)
     spread = np.sqrt(2 / 15 / strong.sum())
-    assert (
-        abs(ratio - 1) < 2 * FIVE_SIGMA * spread + 2e-3
-    )  # correlated as above; weights within 0.1 % of one another
+    assert abs(ratio - 1) < 2 * FIVE_SIGMA * spread + 2e-3  # correlated as above; weights within 0.1 % of one another

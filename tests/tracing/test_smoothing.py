@@ -19,7 +19,7 @@ from significance import sidak_p
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.opencl.structs import PRECISIONS, WEIGHT_ONE, chord_dtype
-from irtscots_cl.optics.chief_rays import Calibration, calibrate
+from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
 from irtscots_cl.optics.screen_windows import place_windows
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror
@@ -27,7 +27,7 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.estimators.sequential import Tracer
 from irtscots_cl.tracing.options import MAX_SMOOTHED_RAYS, TraceOptions
-from irtscots_cl.tracing.packing.sources import LEAST_COSINE4
+from irtscots_cl.tracing.packing.sources import MIN_COSINE4
 from irtscots_cl.tracing.results.transport import line_flux
 from irtscots_cl.tracing.samplers import SAMPLERS
 from irtscots_cl.tracing.trace import trace
@@ -60,7 +60,7 @@ def small_set_up(name: str, mirror=None, screen=None, camera=None, detector=None
     if "centre_offset_mm" in grid:
         return scene
     columns, rows = detector.pixels
-    _, u, v = Calibration(scene).reverse((rows - 1) / 2, (columns - 1) / 2)
+    _, u, v = ChiefRays(scene).reverse((rows - 1) / 2, (columns - 1) / 2)
     return replace(scene, screen=replace(scene.screen, centre_offset_mm=(float(u), float(v))))
 
 
@@ -97,18 +97,18 @@ class Pair:
             for smoothing, run in runs.items():
                 for axis in "xy":
                     curves[smoothing][axis].append(run.line_flux_w(axis) / one_ray_w)
-        calibration = calibrate(scene)
-        lowest, highest = (edge.reshape(-1, 2)[run.windows.pixels] for edge in calibration.landing_range())
+        chief = chief_rays(scene)
+        lowest, highest = (edge.reshape(-1, 2)[run.windows.pixels] for edge in chief.landing_range())
         inside = (lowest >= -0.5) & (highest <= np.array(scene.screen.pixels) - 0.5)
         smoothed, plain = ({a: np.concatenate(parts) for a, parts in curves[kind].items()} for kind in (True, False))
-        whole = calibration.footprint.coverage.ravel()[run.windows.pixels] == 1
+        whole = chief.footprint.coverage.ravel()[run.windows.pixels] == 1
         centre = np.nan_to_num((lowest + highest) / 2 - run.windows.origins)
         return cls(scene, run.windows.pixels, smoothed, plain, rays, inside.all(1), whole, centre)
 
     def directions(self, axis: str) -> dict[str, np.ndarray]:
         """Factors [n] by place in the image, under which errors of opposite sign do not cancel."""
         row, column = np.divmod(self.pixels, self.scene.camera.detector.pixels[0])
-        footprint = calibrate(self.scene).footprint
+        footprint = chief_rays(self.scene).footprint
         x, y = (np.nan_to_num(at.ravel()[self.pixels]) for at in (footprint.x_mm, footprint.y_mm))
         radius = np.hypot(x, y)
         between = (self.scene.mirror.obscuration_mm + self.scene.mirror.diameter_mm) / 4
@@ -254,7 +254,7 @@ def replicate_centroids(scene, device, smoothing, sampler="philox"):
     """Centroids [replicates, n, 2] in mm of whole pixels, 256 rays each."""
     run = trace(scene, device=device, rays_per_pixel=8 * 256, sampler=sampler, seed=5, smoothing=smoothing)
     stack = run.images(LineScan(scene))
-    whole = calibrate(scene).footprint.coverage.ravel()[run.windows.pixels] == 1
+    whole = chief_rays(scene).footprint.coverage.ravel()[run.windows.pixels] == 1
     return np.stack([centroids(scan, scan.flux_w)[:, whole] for scan in (stack.x, stack.y)], -1)
 
 
@@ -318,10 +318,10 @@ def test_light_does_not_depend_on_the_accumulation(whole_run, device, monkeypatc
     if device.kind != "cpu":
         pytest.skip("this device accumulates by atomics only")
     options, run = whole_run
-    calibration = calibrate(options["scene"])
-    assert "accumulate_tile.cl" in Tracer(calibration, device, run.options, rays=1250).source.files
+    chief = chief_rays(options["scene"])
+    assert "accumulate_tile.cl" in Tracer(chief, device, run.options, rays=1250).source.files
     monkeypatch.setattr(module, "MAX_TILE_BYTES", 0)
-    assert "accumulate_atomic.cl" in Tracer(calibration, device, run.options, rays=1250).source.files
+    assert "accumulate_atomic.cl" in Tracer(chief, device, run.options, rays=1250).source.files
     same(trace(**options), run)
 
 
@@ -338,11 +338,11 @@ def test_light_does_not_depend_on_the_rays_side_by_side(whole_run, device, sampl
         pytest.skip("this device traces one ray per work-item anyway")
     scene, rays = whole_run[0]["scene"], np.array([300, 270])  # not whole blocks
     options = TraceOptions(sampler=sampler, seed=3, smoothing=True)
-    wide = Tracer(calibrate(scene), device, options)
-    narrow = Tracer(calibrate(scene), device, options, width=1, accumulate="atomic")
+    wide = Tracer(chief_rays(scene), device, options)
+    narrow = Tracer(chief_rays(scene), device, options, width=1, accumulate="atomic")
     assert "simd_vector.cl" in wide.source.files and "simd_scalar.cl" in narrow.source.files
     (counts, fates), (one_by_one, fates_one_by_one) = (part.run(rays) for part in (wide, narrow))
-    assert fates.sum() == fates_one_by_one.sum() == rays.sum() * wide.streams
+    assert fates.sum() == fates_one_by_one.sum() == rays.sum() * wide.sources
     assert np.abs(fates_one_by_one.astype(float) - fates).max() <= 1e-3 * fates.sum()  # rays so close to an edge
     first, second = (line_flux(c, wide.windows, np.ones((1, 1)), rays) for c in (counts, one_by_one))
     for axis in "xy":
@@ -377,7 +377,7 @@ def test_the_ledger_closes_and_is_the_plain_one(whole_run):
 
 def test_all_that_is_put_on_is_taken_off(whole_run, device):
     options, _ = whole_run
-    tracer = Tracer(calibrate(options["scene"]), device, TraceOptions(smoothing=True))
+    tracer = Tracer(chief_rays(options["scene"]), device, TraceOptions(smoothing=True))
     counts, _ = tracer.run(np.array([500, 300]))
     split = tracer.windows.columns + 2
     for part in (counts[..., :split], counts[..., split:]):
@@ -392,9 +392,9 @@ def test_windows_grow_until_they_hold_all_light(whole_run, monkeypatch):
     options, run = whole_run
     asked = []
 
-    def beside_at_first(calibration, margin):
+    def beside_at_first(chief, margin):
         asked.append(margin)
-        windows = place_windows(calibration, margin)
+        windows = place_windows(chief, margin)
         aside = np.maximum(windows.origins - np.array([0, 3]), 0).astype(np.int32)
         return replace(windows, origins=aside) if margin == 1 else windows
 
@@ -460,7 +460,7 @@ def test_line_flux_adds_up_second_differences_in_twos_complement():
     second = [np.diff(np.pad(of, ((0, 0), (0, 0), (1, 2))), axis=-1) for of in light.values()]
     counts = np.concatenate(second, -1).view(np.uint64)
     assert counts.shape[-1] == 5 + 2 + 9 + 2 and (counts > 2**63).any()
-    windows = replace(place_windows(calibrate(coarse(load_scene("sphere"))), 1), columns=5, rows=9)
+    windows = replace(place_windows(chief_rays(coarse(load_scene("sphere"))), 1), columns=5, rows=9)
     unit, rays = random.random((7, 1)), np.array([1, 2, 5])
     flux = line_flux(counts, windows, unit, rays)
     for axis, of in light.items():
@@ -498,15 +498,15 @@ def random_chords(real, lanes: int, screen=(900, 1000)) -> Chords:
     chord["mirror_x"], chord["mirror_y"] = blur * np.cos(direction), blur * np.sin(direction)
     shape = (CHORDS, lanes)
     disk, turn = RADIUS * np.sqrt(random.random(shape)), random.uniform(0, 2 * np.pi, shape)
-    place, around = np.where(random.random(shape) < 0.5, RIM, HOLE), random.uniform(0, 2 * np.pi, shape)
-    place = place + random.normal(0, 0.3, shape)  # every second chord or so is cut by an edge
+    cursor, around = np.where(random.random(shape) < 0.5, RIM, HOLE), random.uniform(0, 2 * np.pi, shape)
+    cursor = cursor + random.normal(0, 0.3, shape)  # every second chord or so is cut by an edge
     lines = random.integers(20, 40, CHORDS)
     count = random.integers(*screen, CHORDS)
     start = np.where(random.random(CHORDS) < 0.3, 0, count - lines)  # at the screen's either end, or
     start = np.where(random.random(CHORDS) < 0.4, count // 2, start)  # in its middle
     at = random.uniform(-6, 6, shape) + np.where(random.random(shape) < 0.5, 0, lines[:, None])
     weight = np.where(random.random(shape) < 0.9, random.uniform(0.9, 1.1, shape) * WEIGHT_ONE, 0.0)
-    values = [disk * np.cos(turn), disk * np.sin(turn), at, weight, place * np.cos(around), place * np.sin(around)]
+    values = [disk * np.cos(turn), disk * np.sin(turn), at, weight, cursor * np.cos(around), cursor * np.sin(around)]
     return Chords(chord, np.array(values).astype(real), start, lines, count)
 
 
@@ -572,8 +572,8 @@ def chords_by_hand(made: Chords) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         t = half * (2 * step - 1) - along  # from the ray's own point
         edge = (x + chord["mirror_x"] * t) ** 2 + (y + chord["mirror_y"] * t) ** 2
         light = np.where((edge <= RIM**2) & (edge >= HOLE**2), weight * (1 + chord["growth"] * t) / STEPS, 0.0)
-        place = chord["slope"] * t + chord["bend"] * ((along + t) ** 2 - along**2)
-        total, first = total + light, first + light * place
+        cursor = chord["slope"] * t + chord["bend"] * ((along + t) ** 2 - along**2)
+        total, first = total + light, first + light * cursor
         low, high = np.where(light > 0, np.minimum(low, t), low), np.where(light > 0, np.maximum(high, t), high)
     with np.errstate(invalid="ignore"):
         middle = (low + high) / 2
@@ -638,7 +638,7 @@ def test_ramps_without_length_are_widened_about_their_middle(device, tmp_path, p
     [
         1.0,
         1.9,
-        1 / LEAST_COSINE4,
+        1 / MIN_COSINE4,
     ],
 )
 def test_the_steepest_ramp_of_the_heaviest_ray_fits_its_32_bits(device, tmp_path, share):

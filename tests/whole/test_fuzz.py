@@ -17,7 +17,7 @@ from fuzz import scene_file, seeds
 
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.measurement.methods import measure_by
-from irtscots_cl.optics.chief_rays import Calibration, check_visible
+from irtscots_cl.optics.chief_rays import ChiefRays, check_visible
 from irtscots_cl.report.result_file import write_result
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.validation import SceneError
@@ -46,13 +46,13 @@ def follow(path: Path) -> str:
         return "refused"
     if np.prod(scene.screen.pixels) > LARGE or np.prod(scene.camera.detector.pixels) > LARGE:
         return "large"
-    calibration = Calibration(scene)
+    chief = ChiefRays(scene)
     try:
-        check_visible(calibration, path.name)
+        check_visible(chief, path.name)
     except SceneError as error:
         assert str(error).isprintable() and len(str(error)) < MAX_LINE, ascii(error)
         return "unseen"
-    assert np.isfinite(np.frombuffer(pack(calibration, "fp64").scene.tobytes(), np.uint8)).all()
+    assert np.isfinite(np.frombuffer(pack(chief, "fp64").scene.tobytes(), np.uint8)).all()
     return "scene"
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from oracle import sequence as oracle
 
-from irtscots_cl.optics.elements.components import parts_of
+from irtscots_cl.optics.elements.components import components_of
 from irtscots_cl.optics.elements.sequential_rays import trace_sequence
 from irtscots_cl.scene.presets import load_scene
 
@@ -72,10 +72,10 @@ def lands(scene, tracer, start, directions):
     start, directions = position + start @ axes, directions @ axes
     behind = position + scene.camera.detector_distance_mm * axes[2]
     if tracer == "package":
-        parts = parts_of(scene)
-        numbers = {part.name: number for number, part in enumerate(parts)}
+        components = components_of(scene)
+        numbers = {component.name: number for number, component in enumerate(components)}
         events = [(numbers[name], 0) for name in (*(face.name for face in scene.element), "detector")]
-        points, ways = (found[-1] for found in trace_sequence(parts, events, start, directions))
+        points, ways = (found[-1] for found in trace_sequence(components, events, start, directions))
     else:
         points, ways = start, directions
         for step in oracle.lens_of(scene):

@@ -17,7 +17,7 @@ from irtscots_cl.opencl import program, selftest
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose, kernel_files
-from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
@@ -89,9 +89,9 @@ MIRRORS = {
 
 def traced(scene: Scene, device: Device, options: TraceOptions, accumulate: str, rays: int = 5) -> np.ndarray:
     """Rays by fate."""
-    run = Tracer(calibrate(scene), device, options, accumulate=accumulate)
+    run = Tracer(chief_rays(scene), device, options, accumulate=accumulate)
     _, fates = run.run(np.array([rays]))
-    assert fates.sum() == rays * run.streams  # or the kernel did not run
+    assert fates.sum() == rays * run.sources  # or the kernel did not run
     return fates
 
 
@@ -172,14 +172,14 @@ def test_nonsequential(oclgrind, width, kind, branches, monkeypatch):
 def test_probes(oclgrind, width, entry, monkeypatch):
     device, scene, random = oclgrind.device(width), MIRRORS["power"], np.random.default_rng(1)
     words = random.integers(0, 2**32, (BLOCK, 4), dtype=np.uint32)
-    calibration = calibrate(scene)
+    chief = chief_rays(scene)
     if entry == "meet":
         MeetProbe(device, scene, "fp32")(random.uniform(-0.05, 0.05, (4, 13)).astype(np.float32))
     elif entry == "adjoint":
-        sources = receivers(calibration, np.zeros(BLOCK, int), np.zeros((BLOCK, 2), np.int32), "fp32")
+        sources = receivers(chief, np.zeros(BLOCK, int), np.zeros((BLOCK, 2), np.int32), "fp32")
         PathProbe(device, scene, "fp32", "adjoint")(sources, words)
     elif entry == "forward":
-        sources, _ = emitters(calibration, "fp32", 1.0, "mirror")
+        sources, _ = emitters(chief, "fp32", 1.0, "mirror")
         PathProbe(device, scene, "fp32", "forward")(np.repeat(sources[:1], BLOCK), words)
     elif entry == "sums":
         work = Workspace(device, compose("probe_sums.cl", {}, {}, "fp32", 1), "probe_sums")
@@ -194,15 +194,19 @@ def test_probes(oclgrind, width, entry, monkeypatch):
     elif entry == "device":
         selftest.probe(device)
     else:
-        run = Tracer(calibration, device, TraceOptions("forward"), accumulate="none")
-        run.launch(0, (0, run.streams, 0, 3))
+        run = Tracer(chief, device, TraceOptions("forward"), accumulate="none")
+        run.launch(0, (0, run.sources, 0, 3))
     assert oclgrind.complaints() == []
 
 
 # What it is to find, each put into a copy of a kernel file: (file, what is there, what comes instead, the complaint)
 FAULTS = {
-    "write behind the buffer": ("trace_adjoint.cl", "2 * (size_t)slot", "2 * (size_t)(slot + 1)", "Invalid write"),
-    "read before the buffer": ("window.cl", "hits->slots[pixel],", "hits->slots[pixel - 9],", "Invalid read"),
+    "write behind the buffer": (
+        "trace_adjoint.cl", "2 * (size_t)visible_pixel", "2 * (size_t)(visible_pixel + 1)", "Invalid write",
+    ),
+    "read before the buffer": (
+        "window.cl", "hits->visible_pixels[pixel],", "hits->visible_pixels[pixel - 9],", "Invalid read",
+    ),
     "write behind local memory": ("accumulate_tile.cl", "i < light->bins", "i <= light->bins", "Invalid write"),
     "race between work-items": (
         "sum64.cl", "atomic_add(&sums[2 * index], low);", "sums[2 * index]; sums[2 * index] += low;", "data race",
@@ -227,7 +231,7 @@ def test_faults_are_found(oclgrind, fault, monkeypatch):
             trace_paths(PATHS["plain"], device=device, rays_per_pixel=RAYS, replicates=1)
     else:
         estimator = "forward" if name in ("trace_forward.cl", "window.cl", "sum64.cl") else "adjoint"
-        run = Tracer(calibrate(MIRRORS["nominal"]), device, TraceOptions(estimator))
+        run = Tracer(chief_rays(MIRRORS["nominal"]), device, TraceOptions(estimator))
         run.run(np.array([16]))
     found = oclgrind.complaints()
     assert any(complaint in line for line in found), found

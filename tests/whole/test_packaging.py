@@ -53,9 +53,9 @@ def clean_python(wheel, tmp_path_factory) -> Path:
     python = folder / BINARIES / "python"
     command(sys.executable, "-m", "pip", "--python", python, "--disable-pip-version-check", "install", "--no-deps",
             "--no-index", wheel, cwd=folder)
-    site = command(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=folder).strip()
+    executor = command(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=folder).strip()
     here = dict.fromkeys(sysconfig.get_path(kind) for kind in ("purelib", "platlib"))
-    Path(site, "dependencies.pth").write_text("\n".join(here) + "\n", encoding="utf-8")
+    Path(executor, "dependencies.pth").write_text("\n".join(here) + "\n", encoding="utf-8")
     return python
 
 

@@ -18,7 +18,7 @@ from significance import poisson_ratio_p, sidak_p
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.zernike.indices import index_to_nm
 from irtscots_cl.opencl.structs import WEIGHT_ONE
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import Scene
@@ -105,11 +105,11 @@ def scenes(draw, mirror=mirrors(), view_mm=None) -> Scene:  # noqa: B008 - a str
 
 def sized_by_the_light(scene: Scene, cover: float) -> Screen:
     """The screen about what the detector's centre sees; cover: its smaller side over the light's extent."""
-    calibration, screen = Calibration(scene), scene.screen
-    rows, columns = calibration.shape
-    _, u, v = calibration.reverse((rows - 1) / 2, (columns - 1) / 2)
-    assume(np.isfinite(u + v) and calibration.sees_mirror.any())
-    lowest, highest = (edge[calibration.sees_mirror] for edge in calibration.landing_range())
+    chief, screen = ChiefRays(scene), scene.screen
+    rows, columns = chief.shape
+    _, u, v = chief.reverse((rows - 1) / 2, (columns - 1) / 2)
+    assume(np.isfinite(u + v) and chief.sees_mirror.any())
+    lowest, highest = (edge[chief.sees_mirror] for edge in chief.landing_range())
     extent_mm = (np.nanmax(highest, 0) - np.nanmin(lowest, 0)).max() * screen.pitch_mm
     pitch = float(extent_mm) * cover / min(screen.pixels)
     return replace(screen, pitch_mm=pitch, centre_offset_mm=(float(u), float(v)))
@@ -263,8 +263,8 @@ def flipped(values: np.ndarray, axis: str, flips: str) -> np.ndarray:
 
 def assert_flipped(device, scene: Scene, other: Scene, flips: str) -> None:
     """Chief rays but for rounding, every pixel's adjoint rays in every line within counting."""
-    rows, columns = np.indices(Calibration(scene).shape)
-    landed, other_landed = (np.stack(Calibration(of).reverse(rows, columns)[1:]) for of in (scene, other))
+    rows, columns = np.indices(ChiefRays(scene).shape)
+    landed, other_landed = (np.stack(ChiefRays(of).reverse(rows, columns)[1:]) for of in (scene, other))
     for k, axis in enumerate("xy"):
         sign = -1 if axis in flips else 1
         back = flipped(other_landed[k][..., None], "", flips)[..., 0]

@@ -71,8 +71,8 @@ def pair(name, device) -> Pair:
     of_adjoint = np.broadcast_to(rays[1] / (adjoint.unit_w * WEIGHT_ONE), shape).ravel()
     hits = np.rint(adjoint.counts[0] / WEIGHT_ONE).astype(np.int64).ravel()
     lit = np.flatnonzero(forward.counts[0].ravel() + hits)
-    slot, row, column = np.unravel_index(lit, shape)
-    detector_row, detector_column = np.divmod(forward.windows.pixels[slot], scene.camera.detector.pixels[0])
+    visible_pixel, row, column = np.unravel_index(lit, shape)
+    detector_row, detector_column = np.divmod(forward.windows.pixels[visible_pixel], scene.camera.detector.pixels[0])
     return Pair(
         forward.counts[0].ravel()[lit].astype(np.int64),
         hits[lit],
@@ -80,8 +80,8 @@ def pair(name, device) -> Pair:
         hits[lit] / rays[1],
         detector_row,
         detector_column,
-        forward.windows.origins[slot, 1] + row,
-        forward.windows.origins[slot, 0] + column,
+        forward.windows.origins[visible_pixel, 1] + row,
+        forward.windows.origins[visible_pixel, 0] + column,
         POOL.get(name, (4, 2)),
     )
 

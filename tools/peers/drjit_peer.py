@@ -21,11 +21,11 @@ def peer(of_pixel: int, seed: int, given: dict, send=None) -> np.ndarray:
     lanes, send = LANES_PER_PIXEL, send or reflect
     if of_pixel % lanes:
         raise ValueError(f"rays per screen pixel = {of_pixel}: must be a multiple of {lanes}")
-    n, streams = given["pixels"], len(given["sources"])
-    index = dr.arange(UInt32, streams * lanes)
+    n, sources = given["pixels"], len(given["sources"])
+    index = dr.arange(UInt32, sources * lanes)
     pixel = index // lanes
     source = [dr.gather(Float, Float(column.astype(np.float32)), pixel) for column in given["sources"].T]
-    random = PCG32(size=streams * lanes, initstate=dr.opaque(UInt32, seed + 1))
+    random = PCG32(size=sources * lanes, initstate=dr.opaque(UInt32, seed + 1))
     image = dr.zeros(UInt32, n * n)
     rays = dr.opaque(UInt32, of_pixel // lanes)  # not a literal: another number of rays compiles nothing anew
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from irtscots_cl.execution.dask.run import WAIT_SECONDS, ClusterRun
 from irtscots_cl.execution.dask.tasks import CodeError, WorkerError, call_on_device, code_differs, code_hash, greet
-from irtscots_cl.execution.job import Ran, Work
-from irtscots_cl.opencl.device import DeviceError, describe_together, differing
+from irtscots_cl.execution.job import TraceSums, Work
+from irtscots_cl.opencl.device import DeviceError, describe_together, merge_descriptions
 
 CONNECT_SECONDS = 10.0
 log = logging.getLogger(__name__)
@@ -38,7 +38,7 @@ def connect(address: str):
         raise ValueError(f"--dask = {address!r}: no scheduler answers: {reason}; {must}") from None
 
 
-class Cluster:
+class DaskExecutor:
     """The workers of a Dask cluster as a crew.Site: those that there are, and those that join.
 
     A worker whose devices fail is left out, and the log says so. Raises CodeError if a worker runs other code, and
@@ -52,7 +52,7 @@ class Cluster:
 
     def run(
         self, work: Work, rays: np.ndarray, progress=None, launch_rays=None, kept=None, finished=None
-    ) -> Ran:
+    ) -> TraceSums:
         """launch_rays: rays of a task, instead of timing. kept: gets whole replicates, in their order."""
         started = time.perf_counter()
         run = ClusterRun(self, work, rays, progress, launch_rays, kept, finished)
@@ -63,13 +63,13 @@ class Cluster:
         ran = [{"worker": address} | of_one for address, of_one in sorted(run.ran.items())]
         seconds = {"build": 0.0, "trace": time.perf_counter() - started, "kernels": run.kernel_seconds}
         facts = describe_together([of_one["device"] for of_one in ran]) if ran else self.describe()
-        return Ran(run.sums, facts | {"workers": ran}, seconds)
+        return TraceSums(run.sums, facts | {"workers": ran}, seconds)
 
     def describe(self) -> dict[str, object]:
         return describe_together(list(self._devices.values()))
 
-    def about(self) -> dict[str, str]:
-        return differing(list(self._about.values()))
+    def device_identity(self) -> dict[str, str]:
+        return merge_descriptions(list(self._about.values()))
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
         while True:

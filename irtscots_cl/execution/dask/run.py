@@ -11,23 +11,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from irtscots_cl.execution.dask.cluster import Cluster
+    from irtscots_cl.execution.dask.cluster import DaskExecutor
 from irtscots_cl.execution.dask.tasks import (
-    Part,
+    RayBlock,
     WorkerError,
     add_up,
     code_hash,
-    facts_of,
+    fingerprint_of,
     merged,
     speed_of,
     trace_part,
 )
 from irtscots_cl.execution.job import Work
-from irtscots_cl.execution.launch_plan import Place, plan_launches
+from irtscots_cl.execution.launch_plan import Cursor, plan_launches
 from irtscots_cl.opencl.device import DeviceError
 
 TASK_SECONDS = 4.0  # of a task: long beside what the scheduler does for it, short beside what a lost worker costs
-LEAST_TASK_SECONDS = 0.25  # near the end, when what is left is shared out
+MIN_TASK_SECONDS = 0.25  # near the end, when what is left is shared out
 SUM_BYTES_PER_SECOND = 1e7  # of a worker's sums: larger ones make longer tasks, so that the network keeps up
 SCHEDULER_SECONDS = 0.01  # of a task, for scheduler and client to keep up with: with many workers tasks get longer
 FAN_IN = 8  # sums that a worker adds up at a time
@@ -42,7 +42,7 @@ def task_seconds(work: Work, threads: int) -> tuple[float, float]:
     """How long a task with so many threads of workers should take: at least, near the end, and as a rule."""
     bytes_of_sums, for_scheduler = 8 * sum(int(np.prod(s)) for s in work.sums_shapes), threads * SCHEDULER_SECONDS
     rule = max(TASK_SECONDS, bytes_of_sums / SUM_BYTES_PER_SECOND, for_scheduler)
-    return max(LEAST_TASK_SECONDS, for_scheduler), rule
+    return max(MIN_TASK_SECONDS, for_scheduler), rule
 
 
 class ClusterRun:
@@ -51,19 +51,21 @@ class ClusterRun:
     sums: the result, as runner.run_rays has it. ran: address -> rays, tasks, seconds, kernels, device.
     """
 
-    def __init__(self, cluster: Cluster, work: Work, rays: np.ndarray, progress, task_rays: int | None, kept, finished):
+    def __init__(
+        self, cluster: DaskExecutor, work: Work, rays: np.ndarray, progress, task_rays: int | None, kept, finished
+    ):
         self._cluster, self._work, self._progress, self._task_rays = cluster, work, progress, task_rays
         self._finished = finished
-        self._code, self._kind, self._wire, self._kept = code_hash(), type(work), work.wire(), kept
+        self._code, self._kind, self._task_json, self._kept = code_hash(), type(work), work.to_json(), kept
         self.sums = tuple(np.zeros((len(rays), *shape), np.uint64) for shape in work.sums_shapes)
-        self._place, self._end = Place(), Place(len(rays))  # all before the place is in the sums
+        self._place, self._end = Cursor(), Cursor(len(rays))  # all before the place is in the sums
         if kept is not None:
-            facts = cluster.call(facts_of, self._kind, self._wire)
-            self._place = kept.begin(facts, rays, work.streams, work.max_rays_per_item, self.sums)
-        self._total, self._speeds, self._again = int(rays.sum()) * work.streams, [], []
-        before = self._place.rays_before(rays, work.streams)
+            facts = cluster.call(fingerprint_of, self._kind, self._task_json)
+            self._place = kept.begin(facts, rays, work.sources, work.max_rays_per_item, self.sums)
+        self._total, self._speeds, self._again = int(rays.sum()) * work.sources, [], []
+        before = self._place.rays_before(rays, work.sources)
         self._to_cut, self._left = self._total - before, []  # rays not yet cut into parts, not yet traced by replicate
-        for whole in (int(of_stream) * work.streams for of_stream in rays):
+        for whole in (int(per_source) * work.sources for per_source in rays):
             self._left.append(whole - min(before, whole))
             before -= min(before, whole)
         self._parts = self._cut(rays)
@@ -76,7 +78,7 @@ class ClusterRun:
 
     def finish(self) -> None:
         """Run to the end. Raises as Cluster says."""
-        if self._progress is not None and self._place != Place():
+        if self._progress is not None and self._place != Cursor():
             self._progress(self._total - sum(self._left), self._total)
         while self._place != self._end:
             if self._kept is not None and self._kept.ends:
@@ -107,12 +109,12 @@ class ClusterRun:
     # parts of the rays
 
     def _cut(self, rays: np.ndarray):
-        streams, per_item, start = self._work.streams, self._work.max_rays_per_item, self._place
+        sources, per_item, start = self._work.sources, self._work.max_rays_per_item, self._place
         for replicate in range(start.replicate, len(rays)):
-            for part in plan_launches(streams, int(rays[replicate]), self._next_rays, per_item, start):
+            for part in plan_launches(sources, int(rays[replicate]), self._next_rays, per_item, start):
                 self._to_cut -= part[1] * part[3]
                 yield replicate, part
-            start = Place()
+            start = Cursor()
 
     def _next_rays(self) -> int:
         """Rays of the next part: some seconds' worth, less near the end, little before a speed is known."""
@@ -133,7 +135,9 @@ class ClusterRun:
                 return
             replicate, part = entry
             only = set(self._threads) if self._cluster.failed else None
-            future = self._cluster.submit(trace_part, self._code, self._kind, self._wire, replicate, part, only=only)
+            future = self._cluster.submit(
+                trace_part, self._code, self._kind, self._task_json, replicate, part, only=only
+            )
             self._parts_out += 1
             self._watch(future, self._traced, replicate, part)
             self._only[future.key] = only
@@ -142,7 +146,7 @@ class ClusterRun:
         self._out[future.key] = future, then, arguments
         future.add_done_callback(lambda done: self._done.put(done.key))
 
-    def _traced(self, future, replicate: int, part: Part) -> None:
+    def _traced(self, future, replicate: int, part: RayBlock) -> None:
         self._parts_out -= 1
         del self._only[future.key]
         if not self._is_well(future):
@@ -188,7 +192,7 @@ class ClusterRun:
         self.ran = merged(self.ran, found["ran"])
         self._complete.add(replicate)
         while self._place.replicate in self._complete:
-            self._place = Place(self._place.replicate + 1)
+            self._place = Cursor(self._place.replicate + 1)
             if self._finished is not None and self._place != self._end:
                 self._finished(tuple(array[: self._place.replicate] for array in self.sums))
         if self._kept is not None and self._place != self._end:

@@ -16,15 +16,15 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from irtscots_cl.execution.checkpoint_file import Facts
-from irtscots_cl.execution.device_pool import together
+from irtscots_cl.execution.checkpoint_file import Fingerprint
+from irtscots_cl.execution.device_pool import open_pool
 from irtscots_cl.execution.job import Job, Work
 from irtscots_cl.execution.launch_plan import cut_part
-from irtscots_cl.execution.local import Devices
+from irtscots_cl.execution.local import LocalExecutor
 from irtscots_cl.opencl.device import Device, DeviceError, describe_together, select_devices
 from irtscots_cl.opencl.program import kernels_folder
 
-Part = tuple[int, int, int, int]  # first stream, streams, first ray, rays: as launches.plan_launches gives it
+RayBlock = tuple[int, int, int, int]  # first stream, streams, first ray, rays: as launches.plan_launches gives it
 
 
 class WorkerError(RuntimeError):
@@ -56,15 +56,15 @@ def greet() -> dict[str, Any]:
     except DeviceError as error:
         return {"code": code_hash(), "unusable": str(error)}
     facts = describe_together([device.describe() for device in devices])
-    return {"code": code_hash(), "unusable": "", "about": Devices(devices).about(), "device": facts}
+    return {"code": code_hash(), "unusable": "", "about": LocalExecutor(devices).device_identity(), "device": facts}
 
 
-def facts_of(device: Device, kind: type[Work], wire: str) -> Facts:
+def fingerprint_of(device: Device, kind: type[Work], task_json: str) -> Fingerprint:
     """The facts of the work's job on a device."""
-    return kind.from_wire(wire).build(device).facts
+    return kind.from_json(task_json).build(device).facts
 
 
-def trace_part(code: str, kind: type[Work], wire: str, replicate: int, part: Part) -> dict[str, Any]:
+def trace_part(code: str, kind: type[Work], task_json: str, replicate: int, part: RayBlock) -> dict[str, Any]:
     """The task: sums of a part's rays, and on which worker ("ran": address -> rays, tasks, seconds, device).
 
     code: the caller's code_hash(). kind, wire: the work. Raises WorkerError, CodeError.
@@ -72,17 +72,17 @@ def trace_part(code: str, kind: type[Work], wire: str, replicate: int, part: Par
     address = _check_code(code)
     try:
         with _guard:  # one at a time, also where a worker has many threads: they would share a device's buffers
-            job, facts = _job(kind, wire)
+            job, facts = _job(kind, task_json)
             job.clear()
-            job.pace.kernel_seconds, started = 0.0, time.perf_counter()
-            pieces = cut_part(part, lambda: job.pace.launch_rays(job.first_launch_rays), job.max_rays_per_item)
+            job.rate_meter.kernel_seconds, started = 0.0, time.perf_counter()
+            pieces = cut_part(part, lambda: job.rate_meter.launch_rays(job.first_launch_rays), job.max_rays_per_item)
             for piece in pieces:
                 job.launch(replicate, piece)
             sums, seconds = job.sums(), time.perf_counter() - started
     except DeviceError as error:
         _forget_job()
         raise WorkerError(address, str(error)) from None
-    ran = {"rays": part[1] * part[3], "tasks": 1, "seconds": seconds, "kernels": job.pace.kernel_seconds}
+    ran = {"rays": part[1] * part[3], "tasks": 1, "seconds": seconds, "kernels": job.rate_meter.kernel_seconds}
     return {"sums": list(sums), "ran": {address: ran | {"device": facts()}}}
 
 
@@ -125,13 +125,13 @@ _guard = threading.Lock()
 _warm: dict[tuple[type, str], tuple[ExitStack, Job, Callable[[], dict]]] = {}  # the last job: warm for the next part
 
 
-def _job(kind: type[Work], wire: str) -> tuple[Job, Callable[[], dict]]:
-    if (kind, wire) not in _warm:
+def _job(kind: type[Work], task_json: str) -> tuple[Job, Callable[[], dict]]:
+    if (kind, task_json) not in _warm:
         _forget_job()
         stack = ExitStack()
-        job, facts = stack.enter_context(together(select_devices(), kind.from_wire(wire).build))
-        _warm[kind, wire] = stack, job, facts
-    _, job, facts = _warm[kind, wire]
+        job, facts = stack.enter_context(open_pool(select_devices(), kind.from_json(task_json).build))
+        _warm[kind, task_json] = stack, job, facts
+    _, job, facts = _warm[kind, task_json]
     return job, facts
 
 

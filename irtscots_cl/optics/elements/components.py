@@ -20,7 +20,7 @@ COPLANAR = 1e-9  # relative: an element so near the screen's plane lies in it
 
 
 @dataclass(frozen=True)
-class Part:
+class Component:
     """One element. shape: "plane", "quadric" or "deviated"; kind: of a kernels/elements/interact_*.cl.
 
     frame: z towards its front (the detector's and the camera's lens: along the light). outer_mm, inner_mm: radii of the
@@ -54,20 +54,21 @@ class Part:
         return self.kind in REFRACTORS
 
 
-def parts_of(scene: Scene) -> tuple[Part, ...]:
+def components_of(scene: Scene) -> tuple[Component, ...]:
     """The mirror, the camera, and the scene's elements, in that order."""
     return (_mirror(scene), *_camera(scene), *(_element(e) for e in scene.element))
 
 
-def _mirror(scene: Scene) -> Part:
+def _mirror(scene: Scene) -> Component:
     surface = Surface.of(scene.mirror)
     shape = "quadric" if surface.deviation is None else "deviated"
-    return Part("mirror", "mirror", shape, Frame(np.zeros(3), np.eye(3)), surface.quadric, surface.aperture_radius_mm,
+    frame = Frame(np.zeros(3), np.eye(3))
+    return Component("mirror", "mirror", shape, frame, surface.quadric, surface.aperture_radius_mm,
                 surface.obscuration_radius_mm, reflectance=scene.mirror.reflectance,
                 scatter=scene.mirror.scatter)  # fmt: skip
 
 
-def _camera(scene: Scene) -> list[Part]:
+def _camera(scene: Scene) -> list[Component]:
     camera, detector = scene.camera, scene.camera.detector
     frame = Frame.looking(camera.position_mm, camera.look_at_mm)
     half = tuple(n * detector.pitch_mm / 2 for n in detector.pixels)
@@ -75,14 +76,14 @@ def _camera(scene: Scene) -> list[Part]:
     behind = Frame(frame.position_mm + distance * frame.axes[2], frame.axes)
     radius = camera.aperture_diameter_mm / 2
     rim = max(STOP_RIM * 2 * float(np.hypot(*half)), 4 * radius)
-    stop = Part("stop", "absorber", "plane", frame, outer_mm=rim, inner_mm=radius)
-    lens = Part("lens", "lens", "plane", frame, outer_mm=radius, focal_length_mm=camera.focal_length_mm,
+    stop = Component("stop", "absorber", "plane", frame, outer_mm=rim, inner_mm=radius)
+    lens = Component("lens", "lens", "plane", frame, outer_mm=radius, focal_length_mm=camera.focal_length_mm,
                 transmittance=camera.transmittance)  # fmt: skip
-    detector = Part("detector", "detector", "plane", behind, half_mm=half)
+    detector = Component("detector", "detector", "plane", behind, half_mm=half)
     return [stop, *([lens] if camera.lens == "paraxial" else []), detector]
 
 
-def _element(element: Element) -> Part:
+def _element(element: Element) -> Component:
     # a frame looks away from where its z points
     away = 2 * np.array(element.position_mm) - np.array(element.facing_mm)
     curved = element.radius_mm is not None
@@ -97,7 +98,7 @@ def _element(element: Element) -> Part:
     if reflectance is None:
         reflectance = 1.0 if element.kind == "mirror" else np.nan
     frame = Frame.looking(element.position_mm, away)
-    return Part(
+    return Component(
         element.name, _kind(element), "quadric" if curved else "plane", frame, quadric,
         (element.diameter_mm or np.inf) / 2, element.obscuration_mm / 2, (width / 2, height / 2), reflectance,
         element.index_front or 1.0, element.index_back or 1.0, element.focal_length_mm or np.inf, element.transmittance,
@@ -128,35 +129,35 @@ def targets_of(scene: Scene) -> tuple[Target, ...]:
 
     The camera's aperture; where not only the mirror scatters, the detector and the mirror; important elements.
     """
-    parts = {part.name: part for part in parts_of(scene)}
+    components = {component.name: component for component in components_of(scene)}
     camera = scene.camera
     aperture = Target("stop", Frame.looking(camera.position_mm, camera.look_at_mm), camera.aperture_diameter_mm / 2)
     names = [element.name for element in scene.element if element.important]
     if any(element.scatter is not None for element in scene.element):
         names = ["detector", "mirror", *names]
-    return (aperture, *(Target(name, parts[name].frame, parts[name].rim_mm) for name in names))
+    return (aperture, *(Target(name, components[name].frame, components[name].rim_mm) for name in names))
 
 
-def groups_of(scene: Scene, parts: tuple[Part, ...]) -> tuple[np.ndarray, np.ndarray]:
+def groups_of(scene: Scene, components: tuple[Component, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Origins [groups, 3] that the rays' positions are told from, and each part's group [parts]; 1 is the screen's."""
     origins = [np.zeros(3), np.array(scene.screen.position_mm), np.array(scene.camera.position_mm)]
     numbers = []
-    for part in parts:
-        distance = [np.linalg.norm(part.frame.position_mm - origin) for origin in origins]
+    for component in components:
+        distance = [np.linalg.norm(component.frame.position_mm - origin) for origin in origins]
         numbers.append(int(np.argmin(distance)))
         if min(distance) > FAR_MM:
             numbers[-1] = len(origins)
-            origins.append(part.frame.position_mm)
+            origins.append(component.frame.position_mm)
     return np.array(origins), np.array(numbers)
 
 
-def on_screen(scene: Scene, parts: tuple[Part, ...]) -> int:
+def on_screen(scene: Scene, components: tuple[Component, ...]) -> int:
     """Number of the plane part that lies in the screen's plane, on which rays start; -1 if there is none."""
     screen = Frame.looking(scene.screen.position_mm, scene.screen.look_at_mm)
     size = np.linalg.norm(screen.position_mm)
-    for number, part in enumerate(parts):
-        away = abs((part.frame.position_mm - screen.position_mm) @ screen.axes[2])
-        turned = np.linalg.norm(np.cross(part.frame.axes[2], screen.axes[2]))
-        if part.shape == "plane" and away <= COPLANAR * size and turned <= COPLANAR:
+    for number, component in enumerate(components):
+        away = abs((component.frame.position_mm - screen.position_mm) @ screen.axes[2])
+        turned = np.linalg.norm(np.cross(component.frame.axes[2], screen.axes[2]))
+        if component.shape == "plane" and away <= COPLANAR * size and turned <= COPLANAR:
             return number
     return -1

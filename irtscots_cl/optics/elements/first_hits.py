@@ -8,25 +8,25 @@ from __future__ import annotations
 import numpy as np
 
 from irtscots_cl.maths.frame import Frame
-from irtscots_cl.optics.elements.components import Part
+from irtscots_cl.optics.elements.components import Component
 
-LEAST_COSINE = 0.05  # of rays with the normal of a plane that they leave behind
-LEAST_ANGLE = np.radians(5.0)  # between what a mirror reflects and where it could be met again
+MIN_COSINE = 0.05  # of rays with the normal of a plane that they leave behind
+MIN_ANGLE = np.radians(5.0)  # between what a mirror reflects and where it could be met again
 NEAR = 1e-6  # relative: rays that start so near a plane may meet it
 RINGS, SPOKES = 3, 32  # of points on the mirror
 ALL = 0xFFFFFFFF
 
 
-def may_meet(parts: tuple[Part, ...], screen: Frame, sources: np.ndarray, pitch_mm: float) -> tuple[int, int]:
+def may_meet(components: tuple[Component, ...], screen: Frame, sources: np.ndarray, pitch_mm: float) -> tuple[int, int]:
     """Bits of the elements that rays may meet first and second.
 
     sources: interface.emitter_dtype. parts[0] is the mirror.
     """
     starts, directions = _emission(screen, sources, pitch_mm)
-    first = [number for number, part in enumerate(parts) if not _leaves_behind(part, starts, directions)]
+    first = [number for number, component in enumerate(components) if not _leaves_behind(component, starts, directions)]
     bits = sum(1 << number for number in first)
     second = ALL
-    if first == [0] and parts[0].scatter is None and not _meets_again(parts[0], starts):
+    if first == [0] and components[0].scatter is None and not _meets_again(components[0], starts):
         second = ALL & ~1
     return bits, second
 
@@ -47,17 +47,17 @@ def _emission(screen: Frame, sources: np.ndarray, pitch_mm: float) -> tuple[np.n
     return screen.to_world(*corners.T), np.stack([l, m, -np.sqrt(left)], -1) @ screen.axes
 
 
-def _leaves_behind(part: Part, starts: np.ndarray, directions: np.ndarray) -> bool:
+def _leaves_behind(component: Component, starts: np.ndarray, directions: np.ndarray) -> bool:
     """Whether a plane part lies behind all rays: they start on one side of it and all go away from it."""
-    if part.shape != "plane" or not len(directions):
+    if component.shape != "plane" or not len(directions):
         return False
-    away = (starts - part.frame.position_mm) @ part.frame.axes[2]
+    away = (starts - component.frame.position_mm) @ component.frame.axes[2]
     side = np.sign(away[0])
-    size = np.abs(starts).max() + np.abs(part.frame.position_mm).max()
-    return bool(np.all(side * away > NEAR * size) and np.all(side * directions @ part.frame.axes[2] > LEAST_COSINE))
+    size = np.abs(starts).max() + np.abs(component.frame.position_mm).max()
+    return bool(np.all(side * away > NEAR * size) and np.all(side * directions @ component.frame.axes[2] > MIN_COSINE))
 
 
-def _meets_again(mirror: Part, starts: np.ndarray) -> bool:
+def _meets_again(mirror: Component, starts: np.ndarray) -> bool:
     """Whether light from the screen that the mirror reflects could meet it again, by the angles with its normals."""
     radius = mirror.outer_mm * np.arange(RINGS + 1) / RINGS
     angle = np.arange(SPOKES) * (2 * np.pi / SPOKES)
@@ -69,7 +69,7 @@ def _meets_again(mirror: Part, starts: np.ndarray) -> bool:
     largest = np.arccos(_cosines(points, normals, starts).min())
     with np.errstate(invalid="ignore"):  # of a point with itself
         again = np.arccos(np.nanmax(_cosines(points, normals, points)))
-    return not largest + LEAST_ANGLE < again
+    return not largest + MIN_ANGLE < again
 
 
 def _cosines(points: np.ndarray, normals: np.ndarray, others: np.ndarray) -> np.ndarray:

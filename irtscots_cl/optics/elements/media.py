@@ -4,40 +4,41 @@ from __future__ import annotations
 
 import numpy as np
 
-from irtscots_cl.optics.elements.components import COPLANAR, Part
+from irtscots_cl.optics.elements.components import COPLANAR, Component
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
 
 SAME_INDEX = 1e-9
 
 
-def check_media(scene: Scene, parts: tuple[Part, ...]) -> None:
+def check_media(scene: Scene, components: tuple[Component, ...]) -> None:
     """Refuse, with a SceneError, refractive indices that do not fit: each element looks along its axis to the next.
 
     Between two interfaces that face each other there is one medium; beside the outermost ones there is air.
     """
-    refractors = [part for part in parts if part.refracts]
-    for part in refractors:
-        for sign, side, index in ((1.0, "front", part.index_front), (-1.0, "back", part.index_back)):
-            others = [other for other in refractors if other is not part]
-            seen = [(step, other) for other in others if (step := _step_to(part, sign, other)) is not None]
+    refractors = [component for component in components if component.refracts]
+    for component in refractors:
+        for sign, side, index in ((1.0, "front", component.index_front), (-1.0, "back", component.index_back)):
+            others = [other for other in refractors if other is not component]
+            seen = [(step, other) for other in others if (step := _step_to(component, sign, other)) is not None]
             facing, name = 1.0, "nothing, so air"
             if seen:
                 _, other = min(seen, key=lambda pair: pair[0])
-                from_front = sign * (part.frame.axes[2] @ other.frame.axes[2]) < 0
+                from_front = sign * (component.frame.axes[2] @ other.frame.axes[2]) < 0
                 facing, name = (other.index_front if from_front else other.index_back), other.name
             if abs(index - facing) > SAME_INDEX:
-                number = next(k for k, element in enumerate(scene.element) if element.name == part.name)
+                number = next(k for k, element in enumerate(scene.element) if element.name == component.name)
                 raise SceneError(
-                    f"scene {scene.name}: element[{number}].index_{side} = {index!r}: {part.name} faces {name} there; "
+                    f"scene {scene.name}: element[{number}].index_{side} = {index!r}: "
+                    f"{component.name} faces {name} there; "
                     f"must be {facing!r}, or media overlap"
                 )
 
 
-def _step_to(part: Part, sign: float, other: Part) -> float | None:
+def _step_to(component: Component, sign: float, other: Component) -> float | None:
     """Where the axis of a part meets another one, from its vertex to its front (1) or back (-1); None: nowhere."""
-    at = other.frame.axes @ (part.frame.position_mm - other.frame.position_mm)
-    along = sign * (other.frame.axes @ part.frame.axes[2])
+    at = other.frame.axes @ (component.frame.position_mm - other.frame.position_mm)
+    along = sign * (other.frame.axes @ component.frame.axes[2])
     if abs(along[2]) < COPLANAR:
         return None
     p, q = along[0] / along[2], along[1] / along[2]

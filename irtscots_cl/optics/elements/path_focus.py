@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from irtscots_cl.maths.frame import Frame
-from irtscots_cl.optics.elements.components import Part
+from irtscots_cl.optics.elements.components import Component
 from irtscots_cl.optics.elements.sequential_rays import SCATTER, trace_sequence, unit
 
 FIRST_ORDER = 1e-3  # of the stop's radius, by which close rays pass the stop's centre
 NO_FOCUS = (float("nan"), float("nan"))
 
 
-def path_focus(parts: tuple[Part, ...], events) -> tuple[float, float]:
+def path_focus(components: tuple[Component, ...], events) -> tuple[float, float]:
     """How sharp the light of a path is on the detector, to first order: focus_mm and blur_mm.
 
     The object is a point of the path's last scatterer, or else of the mirror where the path meets it last, or else of
@@ -25,17 +25,17 @@ def path_focus(parts: tuple[Part, ...], events) -> tuple[float, float]:
     the stop if that comes later. blur_mm: diameter, of an ellipse the longer one, of what the object point lights on
     the detector through the whole stop. NaN where there are no such rays, and for a scatterer behind the stop.
     """
-    stop = next(part for part in parts if part.name == "stop")
-    first, entry = _object_and_entry(parts, events, stop.frame)
+    stop = next(component for component in components if component.name == "stop")
+    first, entry = _object_and_entry(components, events, stop.frame)
     if not 0 <= first < entry:
         return NO_FOCUS
-    fan = _fan(parts, events[first:entry], stop)
+    fan = _fan(components, events[first:entry], stop)
     rest = events[first + 1 :]
-    after = trace_sequence(parts, rest, *fan)
+    after = trace_sequence(components, rest, *fan)
     points, ways = (np.concatenate([start[None], then]) for start, then in zip(fan, after, strict=True))
     leg = entry - first - 1  # on which the light goes through the stop
     at_stop = stop.frame.arrive(points[leg], ways[leg])
-    at_detector = parts[rest[-1][0]].frame.arrive(points[-1], ways[-2])
+    at_detector = components[rest[-1][0]].frame.arrive(points[-1], ways[-2])
     with np.errstate(invalid="ignore", divide="ignore"):
         image = _ratio(_spread(at_detector), _spread(at_stop))
         leaves = stop.frame.to_world(*at_stop) if leg == len(rest) - 1 else points[-2]
@@ -44,20 +44,20 @@ def path_focus(parts: tuple[Part, ...], events) -> tuple[float, float]:
     return focus_mm, blur_mm
 
 
-def _object_and_entry(parts: tuple[Part, ...], events, stop: Frame) -> tuple[int, int]:
+def _object_and_entry(components: tuple[Component, ...], events, stop: Frame) -> tuple[int, int]:
     """Which event is the object's, -1 if none, and the first event after the light went through the stop for good."""
-    depth = [(parts[number].frame.position_mm - stop.position_mm) @ stop.axes[2] for number, _ in events]
+    depth = [(components[number].frame.position_mm - stop.position_mm) @ stop.axes[2] for number, _ in events]
     entry = 1 + max((k for k, z in enumerate(depth) if z < 0), default=-1)
     scatterers = [k for k, (_, event) in enumerate(events) if event == SCATTER]
-    mirrors = [k for k, (number, _) in enumerate(events) if parts[number].name == "mirror"]
+    mirrors = [k for k, (number, _) in enumerate(events) if components[number].name == "mirror"]
     return max(scatterers or mirrors or [entry - 1]), entry
 
 
-def _fan(parts: tuple[Part, ...], events, stop: Part) -> tuple[np.ndarray, np.ndarray]:
+def _fan(components: tuple[Component, ...], events, stop: Component) -> tuple[np.ndarray, np.ndarray]:
     """Points and directions [5, 3] at the object, of the first event: the chief ray, and two each side of it."""
     sight = -stop.frame.axes[2]
     start = stop.frame.position_mm
-    points, ways = trace_sequence(parts, events[::-1], start[None], sight[None])
+    points, ways = trace_sequence(components, events[::-1], start[None], sight[None])
     points, ways = np.concatenate([start[None], points[:, 0]]), np.concatenate([sight[None], ways[:, 0]])
     step = FIRST_ORDER * stop.inner_mm / np.linalg.norm(np.diff(points, axis=0), axis=-1).sum()
     chief = -ways[-2]

@@ -7,13 +7,13 @@ from __future__ import annotations
 import numpy as np
 
 from irtscots_cl.maths.quadric import Quadric
-from irtscots_cl.optics.elements.components import Part
+from irtscots_cl.optics.elements.components import Component
 
 NOMINAL, GHOST, SCATTER = range(3)  # events: indices of paths.KINDS
 BEHIND = 1e-9  # relative to a ray's way: an element so little behind it touches where it stands
 
 
-def trace_sequence(parts: tuple[Part, ...], events, points_mm, directions) -> tuple[np.ndarray, np.ndarray]:
+def trace_sequence(components: tuple[Component, ...], events, points_mm, directions) -> tuple[np.ndarray, np.ndarray]:
     """Rays from points_mm along directions [n, 3] through events [(element number, event)] as of paths.events_of.
 
     Returns points and unit directions [events, n, 3] after each. NaN from where on a ray misses a surface, is totally
@@ -25,32 +25,32 @@ def trace_sequence(parts: tuple[Part, ...], events, points_mm, directions) -> tu
     points, ways, last = [], [], None
     with np.errstate(invalid="ignore", divide="ignore"):
         for number, event in events:
-            part = parts[number]
-            axes = part.frame.axes
-            at, local = (point - part.frame.position_mm) @ axes.T, along @ axes.T
-            met = _meet(part, at, local, stands=number == last)
-            goes = _interact(part, event, met, local)
-            point, along, last = met @ axes + part.frame.position_mm, goes @ axes, number
+            component = components[number]
+            axes = component.frame.axes
+            at, local = (point - component.frame.position_mm) @ axes.T, along @ axes.T
+            met = _meet(component, at, local, stands=number == last)
+            goes = _interact(component, event, met, local)
+            point, along, last = met @ axes + component.frame.position_mm, goes @ axes, number
             points.append(point)
             ways.append(along)
     shape = (len(points), *point.shape)
     return np.reshape(points, shape), np.reshape(ways, shape)
 
 
-def _meet(part: Part, at, along, stands: bool) -> np.ndarray:
+def _meet(component: Component, at, along, stands: bool) -> np.ndarray:
     """Where rays meet the surface, in its frame: next to the vertex, or, if they stand on it, once more."""
     back = np.zeros(len(at)) if stands else -np.sum(at * along, -1)  # from near the vertex all numbers are small
     base = at + back[:, None] * along
-    a = _form(part.quadric, along, along)
-    b = _form(part.quadric, base, along) - along[:, 2]
-    c = np.zeros(len(at)) if stands else _form(part.quadric, base, base) - 2 * base[:, 2]
+    a = _form(component.quadric, along, along)
+    b = _form(component.quadric, base, along) - along[:, 2]
+    c = np.zeros(len(at)) if stands else _form(component.quadric, base, base) - 2 * base[:, 2]
     root = np.sqrt(b * b - a * c)
     larger = np.where(b < 0, root - b, -root - b)
     step = larger / a if stands else c / larger
     point = base + step[:, None] * along
     ahead = back + step > -BEHIND * (1 + np.abs(back))
     # of a closed surface only the side whose normal points to the front; never of what is infinite or NaN
-    front = part.quadric.q_zz * point[:, 2] + part.quadric.q_xz * point[:, 0] < 1
+    front = component.quadric.q_zz * point[:, 2] + component.quadric.q_xz * point[:, 0] < 1
     return np.where((ahead & front)[:, None], point, np.nan)
 
 
@@ -61,26 +61,26 @@ def _form(quadric: Quadric, a, b) -> np.ndarray:
     return q.q_xx * ax * bx + q.q_yy * ay * by + q.q_zz * az * bz + q.q_xz * (ax * bz + az * bx)
 
 
-def _interact(part: Part, event: int, point, along) -> np.ndarray:
+def _interact(component: Component, event: int, point, along) -> np.ndarray:
     """Directions [n, 3] after an event, in the element's frame."""
-    if part.kind == "detector":
+    if component.kind == "detector":
         return along
-    if part.kind == "lens" and event == NOMINAL:
-        slopes = along[:, :2] / np.abs(along[:, 2:]) - point[:, :2] / part.focal_length_mm
+    if component.kind == "lens" and event == NOMINAL:
+        slopes = along[:, :2] / np.abs(along[:, 2:]) - point[:, :2] / component.focal_length_mm
         return unit(np.column_stack([slopes, np.sign(along[:, 2])]))
-    q = part.quadric
+    q = component.quadric
     normal = unit(np.column_stack([-(q.q_xx * point[:, 0] + q.q_xz * point[:, 2]), -q.q_yy * point[:, 1],
                                     1 - q.q_zz * point[:, 2] - q.q_xz * point[:, 0]]))  # fmt: skip
     cosine = np.sum(along * normal, -1, keepdims=True)
     mirrored = along - 2 * cosine * normal
-    if part.refracts and event == GHOST:
+    if component.refracts and event == GHOST:
         return mirrored
-    if part.refracts and event == NOMINAL:
-        forth, back = part.index_front / part.index_back, part.index_back / part.index_front
+    if component.refracts and event == NOMINAL:
+        forth, back = component.index_front / component.index_back, component.index_back / component.index_front
         tangential = np.where(cosine < 0, forth, back) * (along - cosine * normal)
         behind = np.sqrt(1 - np.sum(tangential**2, -1, keepdims=True))
         return tangential + np.sign(cosine) * behind * normal
-    reflects = part.kind == "mirror" and event == NOMINAL
+    reflects = component.kind == "mirror" and event == NOMINAL
     return np.where((cosine < 0) & reflects, mirrored, np.nan)
 
 

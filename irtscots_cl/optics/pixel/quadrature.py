@@ -13,14 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irtscots_cl.optics.pixel.ray_map import PixelMap
+from irtscots_cl.optics.pixel.ray_map import RayMap
 
 NEWTON_STEPS = 6  # for the rim's place in a pixel; it is nearly straight there
 
 
 @dataclass(frozen=True)
-class Cells:
-    """m cells of the n pixels of a PixelMap.
+class PixelQuadrature:
+    """m cells of the n pixels of a RayMap.
 
     pixel: [m] index into the map, in growing order. s, t: [m] centres. half_s, half_t: [m] half-lengths. weight: [m]
     share of the pixel's area. push: [2, m] growth of that share per unit of a and b, by the rim's moving aside.
@@ -39,18 +39,20 @@ class Cells:
         return np.bincount(self.pixel, values, pixels)
 
 
-def whole_cells(pixel: np.ndarray, along_s: int, along_t: int) -> Cells:
+def whole_cells(pixel: np.ndarray, along_s: int, along_t: int) -> PixelQuadrature:
     """Whole pixels [k], each in along_s x along_t equal cells."""
     s, t = ((2 * np.arange(count) + 1) / count - 1 for count in (along_s, along_t))
     s, t = (np.tile(v.ravel(), len(pixel)) for v in np.meshgrid(s, t))
     half = np.ones(len(s))
     index = np.repeat(pixel, along_s * along_t)
-    return Cells(
+    return PixelQuadrature(
         index, s, t, half / along_s, half / along_t, half / (along_s * along_t), np.zeros((2, len(s)))
     )  # fmt: skip
 
 
-def cut_cells(maps: PixelMap, pixel: np.ndarray, radius_mm: float, along: tuple[int, int], across: tuple) -> Cells:
+def cut_cells(
+    maps: RayMap, pixel: np.ndarray, radius_mm: float, along: tuple[int, int], across: tuple
+) -> PixelQuadrature:
     """Cells of the parts of pixels [k] whose mirror points lie within radius_mm of the axis; none of no pixels.
 
     Such a cell is an interval along s or t, whichever the rim crosses more steeply, at a Gauss point of the other.
@@ -66,29 +68,33 @@ def cut_cells(maps: PixelMap, pixel: np.ndarray, radius_mm: float, along: tuple[
     return join(parts or [whole_cells(pixel, 1, 1)])
 
 
-def join(parts: list[Cells]) -> Cells:
+def join(parts: list[PixelQuadrature]) -> PixelQuadrature:
     """All cells of the parts, pixel by pixel."""
-    values = [np.concatenate([getattr(p, name) for p in parts], -1) for name in Cells.__dataclass_fields__]
+    values = [np.concatenate([getattr(p, name) for p in parts], -1) for name in PixelQuadrature.__dataclass_fields__]
     order = np.argsort(values[0], kind="stable")
-    return Cells(*(v[..., order] for v in values))
+    return PixelQuadrature(*(v[..., order] for v in values))
 
 
-def without(outer: Cells, hole: Cells) -> Cells:
+def without(outer: PixelQuadrature, hole: PixelQuadrature) -> PixelQuadrature:
     """The outer part less the hole's, which lies inside it."""
-    return join([outer, Cells(hole.pixel, hole.s, hole.t, hole.half_s, hole.half_t, -hole.weight, -hole.push)])
+    return join(
+        [outer, PixelQuadrature(hole.pixel, hole.s, hole.t, hole.half_s, hole.half_t, -hole.weight, -hole.push)]
+    )
 
 
-def _radius2(maps: PixelMap, s, t) -> np.ndarray:
+def _radius2(maps: RayMap, s, t) -> np.ndarray:
     return maps.centre("x", s, t) ** 2 + maps.centre("y", s, t) ** 2
 
 
-def _slope(maps: PixelMap, along: str, s, t) -> np.ndarray:
+def _slope(maps: RayMap, along: str, s, t) -> np.ndarray:
     """Derivative of the mirror point's squared distance from the axis."""
     parts = (maps.centre(axis, s, t) * maps.gradient(axis, along, s, t) for axis in "xy")
     return 2 * sum(parts)
 
 
-def _cut_along(maps: PixelMap, pixel: np.ndarray, along: str, radius_mm: float, inner: int, outer: int) -> Cells:
+def _cut_along(
+    maps: RayMap, pixel: np.ndarray, along: str, radius_mm: float, inner: int, outer: int
+) -> PixelQuadrature:
     """cut_cells where the rim is crossed along one direction, "s" or "t", by all these pixels [k]."""
 
     def at(inward, across):  # (s, t) of positions measured from the pixel's inner side
@@ -128,7 +134,7 @@ def _cut_along(maps: PixelMap, pixel: np.ndarray, along: str, radius_mm: float, 
     flat = [np.broadcast_to(v, s.shape).ravel()[keep] for v in (s, t)]
     halves, zeros = halves.ravel()[keep], np.zeros(keep.sum())
     lengths = (halves, zeros) if along == "s" else (zeros, halves)
-    return Cells(index[keep], *flat, *lengths, area.ravel()[keep], push.reshape(2, -1)[:, keep])
+    return PixelQuadrature(index[keep], *flat, *lengths, area.ravel()[keep], push.reshape(2, -1)[:, keep])
 
 
 def _breaks(excess, count: int) -> np.ndarray:

@@ -15,7 +15,7 @@ from itertools import product
 
 import numpy as np
 
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 
 OUTPUTS = ("u", "v", "x", "y")  # landing point in the screen's frame, mirror point in the world's [mm]
 # Monomials of (s, t, a, b): position over the half pixel along the column and the row, over the aperture's radius.
@@ -41,7 +41,7 @@ _FIT = np.linalg.pinv(_monomials(_POINTS))
 
 
 @dataclass(frozen=True)
-class PixelMap:
+class RayMap:
     """Quadratic maps of n pixels.
 
     row, column: [n] of the pixels. coefficient: [15, 4, n] of the monomials of (s, t, a, b), for OUTPUTS. residual:
@@ -54,20 +54,20 @@ class PixelMap:
     residual: np.ndarray = field(repr=False)
 
     @classmethod
-    def of(cls, calibration: Calibration, row: np.ndarray, column: np.ndarray) -> PixelMap:
+    def of(cls, chief: ChiefRays, row: np.ndarray, column: np.ndarray) -> RayMap:
         """Fit the maps of the pixels row, column [n]."""
-        radius = calibration.scene.camera.aperture_diameter_mm / 2
+        radius = chief.scene.camera.aperture_diameter_mm / 2
         s, t, a, b = _POINTS.T[:, :, None]
-        points, u, v = calibration.reverse(row + t / 2, column + s / 2, a * radius, b * radius)
+        points, u, v = chief.reverse(row + t / 2, column + s / 2, a * radius, b * radius)
         values = np.stack([u, v, points[..., 0], points[..., 1]], 1)  # [25, 4, n]
         coefficient = np.tensordot(_FIT, values, 1)
         left = values[:, :2] - np.tensordot(_monomials(_POINTS), coefficient[:, :2], 1)
         return cls(row, column, coefficient, np.sqrt(np.mean(left**2, axis=0)))
 
-    def part(self, chosen: np.ndarray) -> PixelMap:
+    def part(self, chosen: np.ndarray) -> RayMap:
         """The maps of some of the pixels: an index array or a mask."""
         parts = (self.row, self.column, self.coefficient, self.residual)
-        return PixelMap(*(values[..., chosen] for values in parts))
+        return RayMap(*(values[..., chosen] for values in parts))
 
     def term(self, output: str, monomial: str = "") -> np.ndarray:
         """Coefficient [n] of an output's monomial, such as "sa" for s a."""

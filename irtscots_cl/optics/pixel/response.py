@@ -13,10 +13,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from irtscots_cl.optics.chief_rays import Calibration, calibrate
+from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
 from irtscots_cl.optics.pixel.chord import MIN_HALF_BOX, Chord, chord_integrals
-from irtscots_cl.optics.pixel.quadrature import Cells, cut_cells, join, whole_cells, without
-from irtscots_cl.optics.pixel.ray_map import PixelMap
+from irtscots_cl.optics.pixel.quadrature import PixelQuadrature, cut_cells, join, whole_cells, without
+from irtscots_cl.optics.pixel.ray_map import RayMap
 from irtscots_cl.scene.model import Scene
 
 MAX_RESIDUAL = 2e-3  # of the aperture image's radius: what a map's quadratic may leave
@@ -30,33 +30,33 @@ ROUNDING = 1e-12  # of a pixel: what a difference of parts leaves of nothing
 
 
 @dataclass(frozen=True)
-class PixelLight:
+class PixelResponse:
     """The light of a scene's pixels in closed form. pixels: [n] flat numbers of those looked at."""
 
-    calibration: Calibration
+    chief: ChiefRays
     pixels: np.ndarray
-    maps: PixelMap
-    _cells: dict[str, Cells] = field(default_factory=dict, repr=False)  # what was asked for is kept
+    maps: RayMap
+    _cells: dict[str, PixelQuadrature] = field(default_factory=dict, repr=False)  # what was asked for is kept
     _means: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def of(cls, calibration: Calibration, pixels: np.ndarray | None = None) -> PixelLight:
+    def of(cls, chief: ChiefRays, pixels: np.ndarray | None = None) -> PixelResponse:
         """The light of some pixels (flat numbers), or of all that can see the mirror."""
-        pixels = np.flatnonzero(calibration.sees_mirror) if pixels is None else pixels
-        row, column = np.divmod(pixels, calibration.shape[1])
-        return cls(calibration, pixels, PixelMap.of(calibration, row, column))
+        pixels = np.flatnonzero(chief.sees_mirror) if pixels is None else pixels
+        row, column = np.divmod(pixels, chief.shape[1])
+        return cls(chief, pixels, RayMap.of(chief, row, column))
 
     def spread(self, output: str, monomials: tuple[str, str]) -> np.ndarray:
         return np.hypot(*(self.maps.term(output, m) for m in monomials))
 
-    def cells(self, output: str) -> Cells:
+    def cells(self, output: str) -> PixelQuadrature:
         """Cells fine enough for the light along "u" or "v", made once."""
         if output not in self._cells:
             self._cells[output] = self._cut(output)
         return self._cells[output]
 
-    def _cut(self, output: str) -> Cells:
-        maps, surface = self.maps, self.calibration.surface
+    def _cut(self, output: str) -> PixelQuadrature:
+        maps, surface = self.maps, self.chief.surface
         box = [np.abs(maps.term(output, name)) / self.spread(output, ("a", "b")) for name in "st"]
         box = [float(np.percentile(b[np.isfinite(b)], 99)) for b in box]
         count = [int(np.clip(np.ceil(b / CELL_SIZE), 1, 16)) for b in box]
@@ -82,9 +82,9 @@ class PixelLight:
 
     def weight(self, s: np.ndarray, t: np.ndarray, pixel: np.ndarray, half_s=0.0, half_t=0.0) -> tuple[np.ndarray, ...]:
         """Mean of cos^4 over cells of these centres and half-lengths, its relative growth per unit of s, t, a, b."""
-        camera = self.calibration.scene.camera
+        camera = self.chief.scene.camera
         distance, pitch = camera.image_distance_mm, camera.detector.pitch_mm
-        x, y = self.calibration.image_point(self.maps.row[pixel] + t / 2, self.maps.column[pixel] + s / 2)
+        x, y = self.chief.image_point(self.maps.row[pixel] + t / 2, self.maps.column[pixel] + s / 2)
         slope_x, slope_y = -x / distance, -y / distance
         cosine2 = 1 / (1 + slope_x**2 + slope_y**2)
         by_x, by_y = -4 * slope_x * cosine2, -4 * slope_y * cosine2
@@ -98,7 +98,7 @@ class PixelLight:
         maps = self.maps
         footprint = np.hypot(maps.term("x", "s"), maps.term("y", "t"))
         push = np.hypot(self.spread("x", ("a", "b")), self.spread("y", ("a", "b")))
-        surface = self.calibration.surface
+        surface = self.chief.surface
         with np.errstate(invalid="ignore", divide="ignore"):
             good = push <= MAX_PUSH * footprint
             for radius_mm in (surface.aperture_radius_mm, surface.obscuration_radius_mm):
@@ -179,11 +179,13 @@ class PixelLight:
         cells = self.cells(output)
         below = np.zeros(edges_mm.shape)
         for first in range(0, len(cells.pixel), CHUNK):
-            part = Cells(*(getattr(cells, name)[..., first : first + CHUNK] for name in Cells.__dataclass_fields__))
+            part = PixelQuadrature(
+                *(getattr(cells, name)[..., first : first + CHUNK] for name in PixelQuadrature.__dataclass_fields__)
+            )
             np.add.at(below, part.pixel, self._below(output, part, edges_mm[part.pixel]))
         return np.diff(below, axis=1)
 
-    def _below(self, output: str, cells: Cells, edges_mm: np.ndarray) -> np.ndarray:
+    def _below(self, output: str, cells: PixelQuadrature, edges_mm: np.ndarray) -> np.ndarray:
         """Shares [m, edges] of the cells' light that land below the edges [m, edges]."""
         s, t = cells.s, cells.t
         maps = self.maps.part(cells.pixel)
@@ -211,7 +213,7 @@ class PixelLight:
             below = below + sign * sum(f[:, None] * part for f, part in zip(factors, parts, strict=True))
         return below / (4 * half_s * half_t)
 
-    def _centre(self, output: str, maps: PixelMap, cells: Cells, by_s, by_t) -> np.ndarray:
+    def _centre(self, output: str, maps: RayMap, cells: PixelQuadrature, by_s, by_t) -> np.ndarray:
         """Centre [m] of the light of the cells' own images along u or v, in mm.
 
         Shifted from the image of the cell's centre by the image's curvature over the cell and by the weight's growth.
@@ -224,6 +226,6 @@ class PixelLight:
 
 
 @lru_cache(maxsize=4)
-def pixel_light(scene: Scene) -> PixelLight:
+def pixel_response(scene: Scene) -> PixelResponse:
     """The light of all of a scene's pixels, shared by all who ask for the same one."""
-    return PixelLight.of(calibrate(scene))
+    return PixelResponse.of(chief_rays(scene))

@@ -16,9 +16,9 @@ from scipy.special import exprel, hyp2f1
 from irtscots_cl.scene.validation import problem
 
 OBLIQUE_NODES = 1024  # rounding remains, even of the steepest lobe at grazing incidence
-LEAST_COSINE = 1e-12  # of the angle of incidence; closer to grazing no lobe of the widths allowed changes
+MIN_COSINE = 1e-12  # of the angle of incidence; closer to grazing no lobe of the widths allowed changes
 TABLE_NODES = 4096
-LEAST_SHARE = 1e-22  # of a lobe that the table begins at; no generator's uniform numbers go so low
+MIN_SHARE = 1e-22  # of a lobe that the table begins at; no generator's uniform numbers go so low
 NEWTON_STEPS = 3  # from the middle of a cell, 1 % of d: 1e-13
 GAUSS_NODES = (np.array([0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5]), np.array([5, 8, 5]) / 18)  # of three points in (0, 1)
 
@@ -59,7 +59,7 @@ class ScatterModel(abc.ABC):
         sin0 = np.asarray(sin0, float)
         check_all("tis_at", "sin0", sin0, (sin0 >= 0) & (sin0 <= 1), "0 to 1")
         t = (np.arange(OBLIQUE_NODES) + 0.5) * (np.pi / OBLIQUE_NODES) - np.pi / 2
-        cos0 = np.maximum(np.sqrt((1 - sin0) * (1 + sin0)), LEAST_COSINE)[..., None]
+        cos0 = np.maximum(np.sqrt((1 - sin0) * (1 + sin0)), MIN_COSINE)[..., None]
         top = np.maximum(np.arcsinh(sin0[..., None] / cos0), 1e-9)  # W; at 0 its square no longer counts
         w = top * np.sin(t)
         to_top, to_bottom = (2 * top * np.sin(np.pi / 4 + sign * t / 2) ** 2 for sign in (-1, 1))  # W - w, W + w

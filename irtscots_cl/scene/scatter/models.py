@@ -15,7 +15,7 @@ from scipy.special import exprel
 
 from irtscots_cl.scene.scatter.lobe import (
     GAUSS_NODES,
-    LEAST_SHARE,
+    MIN_SHARE,
     NEWTON_STEPS,
     TABLE_NODES,
     ScatterModel,
@@ -142,7 +142,7 @@ class ABg(ScatterModel):
     @functools.cached_property
     def _table(self) -> tuple[np.ndarray, np.ndarray]:
         """Logarithms of d, equally spaced up to 2, and _area there."""
-        least = LEAST_SHARE * self._area(np.float64(2.0))  # _area is at most pi d^2
+        least = MIN_SHARE * self._area(np.float64(2.0))  # _area is at most pi d^2
         log_d = np.linspace(0.5 * np.log(least / np.pi), np.log(2.0), TABLE_NODES)
         return log_d, np.maximum.accumulate(self._area(np.exp(log_d)))  # rounding where it hardly rises
 

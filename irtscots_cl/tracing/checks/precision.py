@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from irtscots_cl.opencl.device import Device
-from irtscots_cl.optics.chief_rays import calibrate
+from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import parse_scene
 from irtscots_cl.tracing.checks.probes import BLOCK, PathProbe, uniform_centred
@@ -26,21 +26,21 @@ def rounding_slope_urad(scene: Scene, device: Device, precision: str) -> float:
 
     Infinite where a ray that the host follows to the screen is lost on the device. Raises DeviceError as a trace does.
     """
-    calibration = calibrate(scene)
-    visible = np.flatnonzero(calibration.sees_mirror)
+    chief = chief_rays(scene)
+    visible = np.flatnonzero(chief.sees_mirror)
     pixels = visible[np.linspace(0, len(visible) - 1, PIXELS).astype(int)]
-    sources = receivers(calibration, pixels, np.zeros((PIXELS, 2), int), precision)
+    sources = receivers(chief, pixels, np.zeros((PIXELS, 2), int), precision)
     words = np.random.default_rng(_SEED).integers(0, 2**32, (PIXELS * BLOCK, DIMENSIONS), dtype=np.uint32)
     paths = PathProbe(device, scene, precision, "adjoint")(np.repeat(sources, BLOCK), words)
-    row, column = np.divmod(np.repeat(pixels, BLOCK), calibration.shape[1])
-    place = uniform_centred(words[:, :2])
+    row, column = np.divmod(np.repeat(pixels, BLOCK), chief.shape[1])
+    cursor = uniform_centred(words[:, :2])
     aperture = paths.disk.astype(float) * (scene.camera.aperture_diameter_mm / 2)
-    points, *landing = calibration.reverse(row + place[:, 1], column + place[:, 0], *aperture)
-    compared = np.isfinite(landing).all(0) & calibration.surface.contains(points[:, 0], points[:, 1]) & paths.on_mirror
+    points, *landing = chief.reverse(row + cursor[:, 1], column + cursor[:, 0], *aperture)
+    compared = np.isfinite(landing).all(0) & chief.surface.contains(points[:, 0], points[:, 1]) & paths.on_mirror
     if not compared.any():
         return 0.0
     apart = np.hypot(*(paths.landing - landing))[compared]
-    distance = np.linalg.norm(calibration.screen_frame.position_mm - points[compared], axis=1)
+    distance = np.linalg.norm(chief.screen_frame.position_mm - points[compared], axis=1)
     error = float(np.sqrt(np.mean((apart / (2 * distance)) ** 2)) * 1e6)
     return error if np.isfinite(error) else np.inf
 

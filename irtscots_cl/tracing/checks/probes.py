@@ -13,7 +13,7 @@ from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import check_precision, compose
 from irtscots_cl.opencl.structs import PRECISIONS
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.packing.scene import pack
 from irtscots_cl.tracing.samplers import DIMENSIONS
@@ -68,7 +68,7 @@ class _Probe:
     def __init__(self, device: Device, scene: Scene, precision: str, entry: str):
         check_precision(device, precision)
         self.real, self.width = PRECISIONS[precision], device.vector_width(precision)
-        packed = pack(Calibration(scene), precision)
+        packed = pack(ChiefRays(scene), precision)
         choices = packed.choices | {"sampler": "philox"}
         source = compose(f"{entry}.cl", choices, packed.structs, precision, self.width, packed.constants)
         self._work = Workspace(device, source, entry)

@@ -11,9 +11,9 @@ import time
 import numpy as np
 
 from irtscots_cl.opencl.structs import Fate
-from irtscots_cl.optics.chief_rays import calibrate, check_visible
+from irtscots_cl.optics.chief_rays import check_visible, chief_rays
 from irtscots_cl.optics.pixel.ray_map import RAYS
-from irtscots_cl.optics.pixel.response import PixelLight, pixel_light
+from irtscots_cl.optics.pixel.response import PixelResponse, pixel_response
 from irtscots_cl.optics.screen_windows import Windows, place_windows
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
@@ -33,9 +33,9 @@ def trace_analytic(scene: Scene) -> LineLight:
     Raises SceneError if no pixel sees the screen.
     """
     started = time.perf_counter()
-    calibration = calibrate(scene)
-    check_visible(calibration, f"scene {scene.name}")
-    windows, pixels = place_windows(calibration, MARGIN), pixel_light(scene)
+    chief = chief_rays(scene)
+    check_visible(chief, f"scene {scene.name}")
+    windows, pixels = place_windows(chief, MARGIN), pixel_response(scene)
     fate = _fates(pixels, windows)
     area = np.pi / 4 * scene.camera.aperture_diameter_mm**2 * scene.camera.detector.pitch_mm**2
     gain = scene.screen.radiance * scene.mirror.reflectance * scene.camera.transmittance
@@ -58,9 +58,9 @@ def window_edges_mm(scene: Scene, windows: Windows, k: int) -> np.ndarray:
     return (number - scene.screen.pixels[k] / 2) * scene.screen.pitch_mm + scene.screen.centre_offset_mm[k]
 
 
-def _fates(pixels: PixelLight, windows: Windows) -> np.ndarray:
+def _fates(pixels: PixelResponse, windows: Windows) -> np.ndarray:
     """What becomes of each pixel's light: a Fate [n]."""
-    screen, on_screen = pixels.calibration.scene.screen, np.ones(len(pixels.pixels), bool)
+    screen, on_screen = pixels.chief.scene.screen, np.ones(len(pixels.pixels), bool)
     for k, output in enumerate("uv"):
         centre, reach = pixels.extent(output)
         half = screen.pixels[k] / 2 * screen.pitch_mm

@@ -10,26 +10,26 @@ from typing import Any, Self
 import numpy as np
 
 from irtscots_cl.opencl.structs import PATH
-from irtscots_cl.optics.chief_rays import calibrate, check_visible
-from irtscots_cl.optics.elements.components import parts_of
+from irtscots_cl.optics.chief_rays import check_visible, chief_rays
+from irtscots_cl.optics.elements.components import components_of
 from irtscots_cl.optics.elements.media import check_media
 from irtscots_cl.optics.elements.path_focus import NO_FOCUS, path_focus
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import parse_scene
 from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.packing.sources import emitters
-from irtscots_cl.tracing.results.paths import KINDS, PathFlux, PathLight, StayingFlux, events_of, kind_of, name_of
+from irtscots_cl.tracing.results.paths import KINDS, LostFlux, PathFlux, PathLight, events_of, kind_of, name_of
 
 # As in kernels/tally/tally.cl: then one per element, absorbed. "parted" are no end, but rays beside those launched.
 ENDS = ("detected", "escaped", "bounce limit", "failed", "parted")
-KEPT_PATHS = 64  # the most powerful ones and, last, all others
+TRACKED_PATHS = 64  # the most powerful ones and, last, all others
 SCALE_BITS = 22  # of a path's largest weight in the pilot; leaves 2^9 for larger ones
 MAX_IMAGE_BYTES = 2**31
-STAYING_ONE = 2.0**20  # as in kernels/tally/tally.cl
+LOSS_ONE = 2.0**20  # as in kernels/tally/tally.cl
 
 
 @dataclass(frozen=True)
-class Kept:
+class TrackedPaths:
     """Paths that are kept apart, by code, with their largest weight in the pilot run; by power, the largest first."""
 
     codes: tuple[int, ...]
@@ -64,43 +64,49 @@ class PathSums:
     """
 
     def __init__(self, scene: Scene, options: TraceOptions, **how: Any):
-        calibration = calibrate(scene)
-        check_visible(calibration, f"scene {scene.name}")
-        self.scene, self.options, self.how, self.parts, self.kept = scene, options, how, parts_of(scene), Kept((), ())
-        check_media(scene, self.parts)
-        self.sources, area = emitters(calibration, options.precision, options.overfill, options.aim)
-        self.streams, gain = len(self.sources), scene.screen.radiance * scene.screen.pitch_mm**2
+        chief = chief_rays(scene)
+        check_visible(chief, f"scene {scene.name}")
+        self.scene, self.options, self.how, self.components, self.tracked = (
+            scene,
+            options,
+            how,
+            components_of(scene),
+            TrackedPaths((), ()),
+        )
+        check_media(scene, self.components)
+        self.source_structs, area = emitters(chief, options.precision, options.overfill, options.aim)
+        self.sources, gain = len(self.source_structs), scene.screen.radiance * scene.screen.pitch_mm**2
         self.unit_w, self.launched_w = gain * float(area.max()), gain * float(area.sum())
         images = (len(KINDS), sum(scene.screen.pixels), int(np.prod(scene.camera.detector.pixels)))
-        self.sums_shapes = (images, (len(ENDS) + 2 * len(self.parts) + 2 + 2 * KEPT_PATHS,))
+        self.sums_shapes = (images, (len(ENDS) + 2 * len(self.components) + 2 + 2 * TRACKED_PATHS,))
         size = 8 * int(np.prod(images))
         if size > MAX_IMAGE_BYTES:
             raise ValueError(f"scene {scene.name}: images of {images[1]} lines with {images[2]} "
                              f"pixels take {size} bytes; must be at most {MAX_IMAGE_BYTES}")  # fmt: skip
 
-    def keeping(self, kept: Kept) -> Self:
+    def tracking(self, tracked: TrackedPaths) -> Self:
         """The same with paths to be told apart."""
         other = copy(self)
-        other.kept = kept
+        other.tracked = tracked
         return other
 
-    def wire(self) -> str:
+    def to_json(self) -> str:
         return json.dumps({"scene": self.scene.to_toml(), "options": asdict(self.options), "how": self.how,
-                           "kept": asdict(self.kept)})  # fmt: skip
+                           "kept": asdict(self.tracked)})  # fmt: skip
 
     @classmethod
-    def from_wire(cls, text: str) -> Self:
+    def from_json(cls, text: str) -> Self:
         data = json.loads(text)
         work = cls(parse_scene(data["scene"]), TraceOptions(**data["options"]), **data["how"])
-        return work.keeping(Kept(*(tuple(data["kept"][key]) for key in ("codes", "weights"))))
+        return work.tracking(TrackedPaths(*(tuple(data["kept"][key]) for key in ("codes", "weights"))))
 
     def result(
         self, images: np.ndarray, sums: np.ndarray, rays: np.ndarray, device: dict, seconds: dict[str, float]
     ) -> PathLight:
         """The trace of rays [replicates] per stream from its sums. device: facts of where it ran."""
-        ends = self.ends(sums, int(rays.sum()) * self.streams)
-        images_w = images * (self.unit_w / self.kept.of_kind)[None, :, None, None] / rays[:, None, None, None]
-        return PathLight(self.scene, self.options, device, self.fluxes(sums, rays), self.staying(sums, rays),
+        ends = self.ends(sums, int(rays.sum()) * self.sources)
+        images_w = images * (self.unit_w / self.tracked.of_kind)[None, :, None, None] / rays[:, None, None, None]
+        return PathLight(self.scene, self.options, device, self.fluxes(sums, rays), self.losses(sums, rays),
                          self.launched_w, images_w, rays, ends, _ledger(ends), seconds)  # fmt: skip
 
     def ends(self, sums: np.ndarray, launched: int) -> dict[str, int]:
@@ -108,7 +114,7 @@ class PathSums:
 
         AssertionError if not: a bug.
         """
-        names = (*ENDS, *(f"absorbed by {part.name}" for part in self.parts))
+        names = (*ENDS, *(f"absorbed by {component.name}" for component in self.components))
         found = dict(zip(names, (int(n) for n in sums.sum(0)[: len(names)]), strict=True))
         parted = found.pop("parted")
         ended = sum(found.values())
@@ -117,22 +123,22 @@ class PathSums:
 
     def fluxes(self, sums: np.ndarray, rays: np.ndarray) -> tuple[PathFlux, ...]:
         """Flux of every path, by power, and last of all others."""
-        paths = sums[:, -2 * KEPT_PATHS :].reshape(len(rays), KEPT_PATHS, 2)
-        names = tuple(part.name for part in self.parts)
-        labels = [(name_of(code, names), KINDS[kind_of(code)]) for code in self.kept.codes] + [("other", "other")]
-        sharp = [*(path_focus(self.parts, events_of(code)) for code in self.kept.codes), NO_FOCUS]
+        paths = sums[:, -2 * TRACKED_PATHS :].reshape(len(rays), TRACKED_PATHS, 2)
+        names = tuple(component.name for component in self.components)
+        labels = [(name_of(code, names), KINDS[kind_of(code)]) for code in self.tracked.codes] + [("other", "other")]
+        sharp = [*(path_focus(self.components, events_of(code)) for code in self.tracked.codes), NO_FOCUS]
         found = []
-        for p, (label, entry) in enumerate(zip(labels, self.kept.table(), strict=True)):
+        for p, (label, entry) in enumerate(zip(labels, self.tracked.table(), strict=True)):
             flux = self._watts(paths[:, p, 1] / float(entry["scale"]), rays)
             found.append(PathFlux(*label, *flux, int(paths[:, p, 0].sum()), *sharp[p]))
         return (*sorted(found[:-1], key=lambda path: -path.flux_w), found[-1])
 
-    def staying(self, sums: np.ndarray, rays: np.ndarray) -> tuple[StayingFlux, ...]:
+    def losses(self, sums: np.ndarray, rays: np.ndarray) -> tuple[LostFlux, ...]:
         """Light that does not reach the detector, by where it stays: absorbed by elements, escaped, given up."""
-        names = (*(f"absorbed by {part.name}" for part in self.parts), "escaped", "bounce limit")
-        first = len(ENDS) + len(self.parts)
-        weights = sums[:, first : first + len(names)] / STAYING_ONE
-        return tuple(StayingFlux(name, *self._watts(each, rays)) for name, each in zip(names, weights.T, strict=True))
+        names = (*(f"absorbed by {component.name}" for component in self.components), "escaped", "bounce limit")
+        first = len(ENDS) + len(self.components)
+        weights = sums[:, first : first + len(names)] / LOSS_ONE
+        return tuple(LostFlux(name, *self._watts(each, rays)) for name, each in zip(names, weights.T, strict=True))
 
     def _watts(self, weights: np.ndarray, rays: np.ndarray) -> tuple[float, float]:
         """Flux of weights [replicates] in W and its standard error."""

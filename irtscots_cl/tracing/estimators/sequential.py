@@ -9,16 +9,16 @@ from functools import partial
 
 import numpy as np
 
-from irtscots_cl.execution.checkpoint import KeptTrace
+from irtscots_cl.execution.checkpoint import Checkpoint
 from irtscots_cl.execution.checkpoint_file import hash_of
-from irtscots_cl.execution.job import Site
-from irtscots_cl.execution.launch_plan import FIRST_LAUNCH_RAYS, MAX_RAYS_PER_ITEM, Pace
+from irtscots_cl.execution.job import Executor
+from irtscots_cl.execution.launch_plan import FIRST_LAUNCH_RAYS, MAX_RAYS_PER_ITEM, RateMeter
 from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import LocalMemory, Workspace
 from irtscots_cl.opencl.program import check_precision, compose
 from irtscots_cl.opencl.structs import WEIGHT_ONE, Fate
-from irtscots_cl.optics.chief_rays import Calibration, calibrate
+from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
 from irtscots_cl.optics.screen_windows import place_windows
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import parse_scene
@@ -36,7 +36,7 @@ TILE_BYTES_PER_RAY = 4  # with more, clearing and merging a tile costs more than
 
 
 def trace_rays(
-    scene: Scene, site: Site, options: TraceOptions, rays: np.ndarray, progress, launch_rays, kept, finished
+    scene: Scene, executor: Executor, options: TraceOptions, rays: np.ndarray, progress, launch_rays, kept, finished
 ) -> Transport | LineLight:
     """The forward or the adjoint estimator, with windows as wide as it takes."""
     margin = 1 if kept is None else kept.margin()
@@ -44,8 +44,8 @@ def trace_rays(
         started = time.perf_counter()
         work = TraceWork(scene, options, margin, int(rays.max()), len(rays))
         prepared = time.perf_counter() - started
-        so_far = None if finished is None else partial(_pass_on, finished, work, site, rays)
-        ran = site.run(work, rays, progress, launch_rays, kept, so_far)
+        so_far = None if finished is None else partial(_pass_on, finished, work, executor, rays)
+        ran = executor.run(work, rays, progress, launch_rays, kept, so_far)
         counts, fates = work.totals(ran.sums, rays)
         if fates[Fate.OFF_WINDOW] == 0:
             break
@@ -59,12 +59,12 @@ def trace_rays(
     return replace(work.result(counts, fates, rays, ran.device, seconds), scene=scene)  # the caller's own, not an equal
 
 
-def _pass_on(finished, work: TraceWork, site: Site, rays: np.ndarray, sums: tuple[np.ndarray, ...]) -> None:
+def _pass_on(finished, work: TraceWork, executor: Executor, rays: np.ndarray, sums: tuple[np.ndarray, ...]) -> None:
     """Give `finished` the trace so far, unless it is one that begins again."""
     rays = rays[: len(sums[0])]
     counts, fates = work.totals(sums, rays)
     if fates[Fate.OFF_WINDOW] == 0:
-        finished(work.result(counts, fates, rays, site.describe(), {"build": 0.0, "trace": 0.0, "kernels": 0.0}))
+        finished(work.result(counts, fates, rays, executor.describe(), {"build": 0.0, "trace": 0.0, "kernels": 0.0}))
 
 
 class TraceWork:
@@ -78,28 +78,28 @@ class TraceWork:
         self, scene: Scene, options: TraceOptions, margin: int = 1, rays: int = MAX_RAYS_PER_ITEM, replicates: int = 1
     ):
         check_sequential(scene, options.estimator)
-        calibration = calibrate(scene)
+        chief = chief_rays(scene)
         self.scene, self.options, self.margin, self.rays = scene, options, margin, rays
         self.max_rays_per_item, self.first_launch_rays = MAX_RAYS_PER_ITEM, FIRST_LAUNCH_RAYS
-        self.windows = windows = place_windows(calibration, margin)
-        rows, columns, slots = windows.rows, windows.columns, len(windows.pixels)
+        self.windows = windows = place_windows(chief, margin)
+        rows, columns, visible_pixels = windows.rows, windows.columns, len(windows.pixels)
         self.bins = (columns + 2 + rows + 2,) if options.smoothing else (rows, columns)  # of a slot
-        size = 8 * slots * int(np.prod(self.bins))  # on the device, and of every replicate
-        what = f"scene {scene.name}: {slots} windows of {columns} x {rows} screen pixels"
+        size = 8 * visible_pixels * int(np.prod(self.bins))  # on the device, and of every replicate
+        what = f"scene {scene.name}: {visible_pixels} windows of {columns} x {rows} screen pixels"
         check_memory(what, (1 + replicates) * size)
-        self.sources, self.unit_w = self._sources(calibration)
-        self.streams = len(self.sources)
+        self.source_structs, self.unit_w = self._sources(chief)
+        self.sources = len(self.source_structs)
         self.sums_shapes = ((len(self.windows.pixels), *self.bins), (len(Fate),))
 
     def build(self, device: Device) -> Tracer:
-        return Tracer(calibrate(self.scene), device, self.options, self.margin, self.rays, work=self)
+        return Tracer(chief_rays(self.scene), device, self.options, self.margin, self.rays, work=self)
 
-    def wire(self) -> str:
+    def to_json(self) -> str:
         return json.dumps({"scene": self.scene.to_toml(), "options": asdict(self.options), "margin": self.margin,
                            "rays": self.rays})  # fmt: skip
 
     @classmethod
-    def from_wire(cls, text: str) -> TraceWork:
+    def from_json(cls, text: str) -> TraceWork:
         data = json.loads(text)
         return cls(parse_scene(data["scene"]), TraceOptions(**data["options"]), data["margin"], data["rays"])
 
@@ -107,34 +107,34 @@ class TraceWork:
         """Counts, and the fates of all replicates together, of a run of rays [replicates]."""
         counts, fates = sums[0], sums[1].sum(0)
         if self.options.estimator == "adjoint":  # its windows hold weights, so the kernel counts only the others
-            fates[Fate.DETECTED] = int(rays.sum()) * self.streams - int(fates.sum())
+            fates[Fate.DETECTED] = int(rays.sum()) * self.sources - int(fates.sum())
         return counts, fates
 
     def result(
         self, counts: np.ndarray, fates: np.ndarray, rays: np.ndarray, device: dict, seconds: dict[str, float]
     ) -> Transport | LineLight:
         """The trace of rays [replicates] per stream from its totals. device: facts of where it ran."""
-        ledger = ledger_from(fates, int(rays.sum()) * self.streams)
+        ledger = ledger_from(fates, int(rays.sum()) * self.sources)
         if self.options.smoothing:
             flux = line_flux(counts, self.windows, self.unit_w[:, 0], rays)
             return LineLight(self.scene, self.options, device, self.windows, flux, rays, ledger, seconds)
         return Transport(self.scene, self.options, device, self.windows, counts, self.unit_w, rays, ledger, seconds)
 
-    def _sources(self, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
+    def _sources(self, chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
         """The kernel's emitters or receivers, and unit_w."""
         screen, camera, mirror = self.scene.screen, self.scene.camera, self.scene.mirror
         gain = screen.radiance * mirror.reflectance * camera.transmittance
         if self.options.estimator == "forward":
-            sources, area = emitters(
-                calibration, self.options.precision, self.options.overfill, self.options.aim
+            structs, area = emitters(
+                chief, self.options.precision, self.options.overfill, self.options.aim
             )
             unit = (gain * screen.pitch_mm**2 * area).reshape(screen.pixels[::-1])
-            return sources, self.windows.gather(unit)
+            return structs, self.windows.gather(unit)
         pixels, origins = self.windows.pixels, self.windows.origins
         area = np.pi / 4 * camera.aperture_diameter_mm**2 * camera.detector.pitch_mm**2
-        unit = gain * area / camera.image_distance_mm**2 * cosine4(calibration, pixels) / WEIGHT_ONE
+        unit = gain * area / camera.image_distance_mm**2 * cosine4(chief, pixels) / WEIGHT_ONE
         made = line_receivers if self.options.smoothing else receivers
-        return made(calibration, pixels, origins, self.options.precision), unit[:, None, None]
+        return made(chief, pixels, origins, self.options.precision), unit[:, None, None]
 
 
 class Tracer:
@@ -151,7 +151,7 @@ class Tracer:
 
     def __init__(
         self,
-        calibration: Calibration,
+        chief: ChiefRays,
         device: Device,
         options: TraceOptions,
         margin: int = 1,
@@ -161,12 +161,12 @@ class Tracer:
         work: TraceWork | None = None,
     ):
         check_precision(device, options.precision)
-        self._work = work or TraceWork(calibration.scene, options, margin, rays)
-        self.options, self.scene, self.windows = options, calibration.scene, self._work.windows
-        self._detector_pixels = int(np.prod(calibration.shape))
-        packed = pack(calibration, options.precision)
-        self.unit_w, self._bins, self.streams = self._work.unit_w, self._work.bins, self._work.streams
-        self.pace = Pace()
+        self._work = work or TraceWork(chief.scene, options, margin, rays)
+        self.options, self.scene, self.windows = options, chief.scene, self._work.windows
+        self._detector_pixels = int(np.prod(chief.shape))
+        packed = pack(chief, options.precision)
+        self.unit_w, self._bins, self.sources = self._work.unit_w, self._work.bins, self._work.sources
+        self.rate_meter = RateMeter()
         self.max_rays_per_item, self.first_launch_rays = self._work.max_rays_per_item, self._work.first_launch_rays
         tile = LocalMemory(self._tile_bytes())
         if accumulate is None:
@@ -185,9 +185,9 @@ class Tracer:
         self.facts = {
             "margin": margin,
             "code": hash_of(self.source.text.encode(), *(option.encode() for option in self.source.options)),
-            "inputs": hash_of(packed.scene, self._work.sources, *self._lookup()),
+            "inputs": hash_of(packed.scene, self._work.source_structs, *self._lookup()),
         }
-        self._after = [work.upload(self._work.sources), *lookup, self._counts, self._ledger, tile]
+        self._after = [work.upload(self._work.source_structs), *lookup, self._counts, self._ledger, tile]
         self.clear()
         self.launch(0, (0, 1, 0, 0))  # no rays: some drivers compile at the first launch
 
@@ -201,12 +201,12 @@ class Tracer:
         """Forward: where a detector pixel's window is. An adjoint receiver knows."""
         if self.options.estimator == "adjoint":
             return []
-        slots = np.full(self._detector_pixels, -1, np.int32)
-        slots[self.windows.pixels] = np.arange(len(self.windows.pixels))
-        return [slots, self.windows.origins]
+        visible_pixels = np.full(self._detector_pixels, -1, np.int32)
+        visible_pixels[self.windows.pixels] = np.arange(len(self.windows.pixels))
+        return [visible_pixels, self.windows.origins]
 
     def run(
-        self, rays: np.ndarray, progress=None, launch_rays: int | None = None, kept: KeptTrace | None = None
+        self, rays: np.ndarray, progress=None, launch_rays: int | None = None, kept: Checkpoint | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Trace rays [replicates] rays per stream: counts [replicates, n, window rows, window columns], rays [Fate].
 
@@ -229,22 +229,22 @@ class Tracer:
         Every stream gets enough rays that what is done once per work-item does not count; with many streams, only those
         in the middle take part.
         """
-        of_stream = max(rays // self.streams, MIN_TIMED_RAYS)
-        streams = max(1, min(self.streams, rays // of_stream))
-        self.pace.kernel_seconds = 0.0
+        per_source = max(rays // self.sources, MIN_TIMED_RAYS)
+        sources = max(1, min(self.sources, rays // per_source))
+        self.rate_meter.kernel_seconds = 0.0
         self.clear()
-        self.launch(0, ((self.streams - streams) // 2, streams, 0, of_stream))
-        return of_stream * streams / self.kernel_seconds
+        self.launch(0, ((self.sources - sources) // 2, sources, 0, per_source))
+        return per_source * sources / self.kernel_seconds
 
     @property
     def kernel_seconds(self) -> float:
-        return self.pace.kernel_seconds
+        return self.rate_meter.kernel_seconds
 
     def launch(self, replicate: int, part: tuple[int, int, int, int]) -> None:
-        _, streams, _, rays = part
+        _, sources, _, rays = part
         per_item = max(1, min(rays, self.max_rays_per_item))
         launch = launch_structure(self.scene, self.options, replicate, part, per_item)
         launch["window_columns"], launch["window_rows"] = self.windows.columns, self.windows.rows
         parts = max(1, -(-rays // per_item))
-        seconds = self._workspace.launch((streams, parts), [*self._before, launch, *self._after])
-        self.pace.launched(streams * rays, seconds)
+        seconds = self._workspace.launch((sources, parts), [*self._before, launch, *self._after])
+        self.rate_meter.launched(sources * rays, seconds)

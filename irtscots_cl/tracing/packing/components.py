@@ -6,55 +6,57 @@ import numpy as np
 
 from irtscots_cl.maths.frame import Frame
 from irtscots_cl.opencl.structs import TIS_NODES, element_dtype, path_job_dtype, scatter_structs
-from irtscots_cl.optics.elements.components import Part, groups_of, on_screen, targets_of
+from irtscots_cl.optics.elements.components import Component, groups_of, on_screen, targets_of
 from irtscots_cl.optics.elements.first_hits import may_meet
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
 
 SCATTER_CHANCE = 0.125  # of a ray to part from where light scatters
 LOBE_SHARE = 0.25  # of rays that scatter: drawn from a lobe, not towards a target
-LEAST_WEIGHT = 1e-3  # of the weaker branch of a ray, where both are followed
+MIN_WEIGHT = 1e-3  # of the weaker branch of a ray, where both are followed
 LOBE_WIDTHS = (1e-9, 3.0)  # wider ones look alike within the horizon
-LEAST_POWER = 0.02  # of a lobe that directions are drawn from: nearer to 0, single precision fails
+MIN_POWER = 0.02  # of a lobe that directions are drawn from: nearer to 0, single precision fails
 
 
-def pack_elements(scene: Scene, parts: tuple[Part, ...], real, least_chance: float) -> np.ndarray:
+def pack_elements(scene: Scene, components: tuple[Component, ...], real, least_chance: float) -> np.ndarray:
     """The parts as Element structures [parts]. Rays at surfaces that scatter never take both branches."""
-    origins, group = groups_of(scene, parts)
-    out = np.zeros(len(parts), element_dtype(real, len(origins)))
-    for entry, part, of in zip(out, parts, group, strict=True):
-        frame = part.frame
+    origins, group = groups_of(scene, components)
+    out = np.zeros(len(components), element_dtype(real, len(origins)))
+    for entry, component, of in zip(out, components, group, strict=True):
+        frame = component.frame
         entry["axis_x"], entry["axis_y"], entry["axis_z"] = frame.axes
         to = (origins - frame.position_mm) @ frame.axes.T
         entry["offset"] = np.column_stack([to, np.abs(to).sum(1)])
         entry["origin"] = frame.position_mm - origins[of]
         for name in ("q_xx", "q_yy", "q_zz", "q_xz"):
-            entry[name] = getattr(part.quadric, name)
-        entry["outer2"], entry["inner2"] = min(part.outer_mm**2, 1e30), part.inner_mm**2
-        entry["half_u"], entry["half_v"] = (min(half, 1e30) for half in part.half_mm)
-        entry["reflectance"] = -1.0 if np.isnan(part.reflectance) else part.reflectance
-        entry["index_front"], entry["index_back"] = part.index_front, part.index_back
-        entry["coating_index"], entry["transmittance"] = part.coating_index, part.transmittance
-        entry["least_chance"], entry["least_weight"] = least_chance, LEAST_WEIGHT if part.scatter is None else 1e30
-        entry["inverse_focal_length"], entry["group"] = 1 / part.focal_length_mm, of
+            entry[name] = getattr(component.quadric, name)
+        entry["outer2"], entry["inner2"] = min(component.outer_mm**2, 1e30), component.inner_mm**2
+        entry["half_u"], entry["half_v"] = (min(half, 1e30) for half in component.half_mm)
+        entry["reflectance"] = -1.0 if np.isnan(component.reflectance) else component.reflectance
+        entry["index_front"], entry["index_back"] = component.index_front, component.index_back
+        entry["coating_index"], entry["transmittance"] = component.coating_index, component.transmittance
+        entry["least_chance"], entry["min_weight"] = least_chance, MIN_WEIGHT if component.scatter is None else 1e30
+        entry["inverse_focal_length"], entry["group"] = 1 / component.focal_length_mm, of
     return out
 
 
-def pack_scatter(scene: Scene, parts: tuple[Part, ...], real, aimed: bool) -> tuple[np.ndarray, dict[str, np.dtype]]:
+def pack_scatter(
+    scene: Scene, components: tuple[Component, ...], real, aimed: bool
+) -> tuple[np.ndarray, dict[str, np.dtype]]:
     """The Scatter structure [()] and its types. aimed: whether scattered rays are also aimed at targets."""
-    origins, _ = groups_of(scene, parts)
-    scatters = any(part.scatter is not None for part in parts)
+    origins, _ = groups_of(scene, components)
+    scatters = any(component.scatter is not None for component in components)
     targets = targets_of(scene) if aimed and scatters else ()
-    structs = scatter_structs(real, len(origins), len(parts) if scatters else 0, len(targets))
+    structs = scatter_structs(real, len(origins), len(components) if scatters else 0, len(targets))
     out = np.zeros((), structs["Scatter"])
     for entry, target in zip(out["targets"], targets, strict=False):
         entry["centre"] = target.frame.position_mm - origins
         entry["axis_x"], entry["axis_y"], entry["axis_z"] = target.frame.axes
         entry["radius"] = target.radius_mm
-    for entry, part in zip(out["lobes"], parts, strict=False):
-        if part.scatter is not None:
-            _pack_lobe(entry, part.scatter)
-            others = [k for k, target in enumerate(targets) if target.name != part.name]
+    for entry, component in zip(out["lobes"], components, strict=False):
+        if component.scatter is not None:
+            _pack_lobe(entry, component.scatter)
+            others = [k for k, target in enumerate(targets) if target.name != component.name]
             entry["share"], entry["target_count"] = LOBE_SHARE if others else 1.0, len(others)
             entry["target"][: len(others)] = others
     return out, structs
@@ -71,19 +73,21 @@ def _pack_lobe(entry: np.ndarray, model: Lambertian | Harvey | ABg) -> None:
         width, slope, centre = model.b ** (1 / max(model.g, 1e-3)), -model.g, 1.0
         entry["numbers"] = model.a, model.b, model.g / 2
     power = slope / 2 + 1
-    entry["power"] = power if abs(power) >= LEAST_POWER else LEAST_POWER
+    entry["power"] = power if abs(power) >= MIN_POWER else MIN_POWER
     entry["inverse_l2"], entry["centre"] = 1 / np.clip(width, *LOBE_WIDTHS) ** 2, centre
     cosine = np.linspace(0, 1, TIS_NODES) ** 2
     entry["tis"] = model.tis_at(np.sqrt(1 - cosine**2))
-    entry["chance"] = SCATTER_CHANCE
+    entry["probability"] = SCATTER_CHANCE
 
 
-def path_job(scene: Scene, parts: tuple[Part, ...], real, bounce_limit: int, sources: np.ndarray) -> np.ndarray:
+def path_job(
+    scene: Scene, components: tuple[Component, ...], real, bounce_limit: int, sources: np.ndarray
+) -> np.ndarray:
     """The PathJob structure [()], but for what changes from launch to launch."""
     job = np.zeros((), path_job_dtype(real))
-    job["element_count"], job["bounce_limit"] = len(parts), bounce_limit
-    job["screen_group"], job["screen_element"] = 1, on_screen(scene, parts)
+    job["element_count"], job["bounce_limit"] = len(components), bounce_limit
+    job["screen_group"], job["screen_element"] = 1, on_screen(scene, components)
     job["inverse_unit_area"] = 1 / np.max(sources["aim_ll"] * sources["aim_mm"])
     screen = Frame.looking(scene.screen.position_mm, scene.screen.look_at_mm)
-    job["may"] = may_meet(parts, screen, sources, scene.screen.pitch_mm)
+    job["may"] = may_meet(components, screen, sources, scene.screen.pitch_mm)
     return job

@@ -13,14 +13,14 @@ def launch_structure(
     scene: Scene, options: TraceOptions, replicate: int, part: tuple[int, int, int, int], per_item: int
 ) -> np.ndarray:
     """The kernels' Launch [()] of a part as plan_launches gives it; its window's size is left to the caller."""
-    first_stream, _, first_ray, rays = part
+    first_source, _, first_ray, rays = part
     columns, rows = scene.camera.detector.pixels
     launch = np.zeros((), LAUNCH)
     for name, value in {
         "first_ray": first_ray,
         "ray_count": rays,
         "rays_per_item": per_item,
-        "first_stream": first_stream,
+        "first_source": first_source,
         "replicate": replicate,
         "seed_low": options.seed & 0xFFFFFFFF,
         "seed_high": options.seed >> 32,

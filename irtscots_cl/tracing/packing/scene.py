@@ -23,7 +23,7 @@ from irtscots_cl.opencl.structs import (
     zernike_power_dtype,
     zernike_term_dtype,
 )
-from irtscots_cl.optics.chief_rays import Calibration
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.surface import Surface
 
 MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
@@ -43,9 +43,9 @@ class Packed:
 
 
 @lru_cache(maxsize=8)
-def pack(calibration: Calibration, precision: str) -> Packed:
+def pack(chief: ChiefRays, precision: str) -> Packed:
     """Everything about a scene that does not depend on the estimator; made once for all who ask for the same."""
-    real, surface = PRECISIONS[precision], calibration.surface
+    real, surface = PRECISIONS[precision], chief.surface
     deviation = surface.deviation
     annular = surface.obscuration_radius_mm > 0
     mirror = mirror_dtype(real, deviation is not None, annular)
@@ -71,14 +71,14 @@ def pack(calibration: Calibration, precision: str) -> Packed:
     scene = np.zeros(1, structs["Scene"])
     _fill_mirror(scene["mirror"][0:1], surface)
     if deviation is not None:
-        scene["mirror"]["newton_steps"] = newton_steps(calibration, NEWTON_SLOPE[precision])
-    _fill_frame(scene["screen"], calibration.screen_frame)
-    _fill_frame(scene["camera"], calibration.camera_frame)
-    _fill_devices(scene, calibration)
+        scene["mirror"]["newton_steps"] = newton_steps(chief, NEWTON_SLOPE[precision])
+    _fill_frame(scene["screen"], chief.screen_frame)
+    _fill_frame(scene["camera"], chief.camera_frame)
+    _fill_devices(scene, chief)
     if tables is not None:
         scene["zernike"] = tables
     choices |= {
-        "surface": _surface_file(calibration.scene.mirror),
+        "surface": _surface_file(chief.scene.mirror),
         "mirror": "deviated" if deviation is not None else "nominal",
         "arrival": "compensated" if _is_slight(surface, precision) else "plain",
         "aperture": "annulus" if annular else "disk",
@@ -115,16 +115,16 @@ def _is_slight(surface: Surface, precision: str) -> bool:
     return max(np.abs(slope).max() for slope in surface.deviation_at(*_spread(surface))[1:]) < SLIGHT_SLOPE
 
 
-def newton_steps(calibration: Calibration, slope: float) -> int:
+def newton_steps(chief: ChiefRays, slope: float) -> int:
     """Steps from the design surface to the deviated one that leave at most that slope error [rad], found by trial.
 
     The kernel takes the deviation's slopes before its last move, so k steps have the slopes of k - 1 moves.
     """
-    surface = calibration.surface
+    surface = chief.surface
     x, y = _spread(surface)
     points = np.stack([x, y, surface.quadric.meet(x, y, 0.0, 0.0)], -1)
     left = np.zeros(MAX_NEWTON_STEPS - 1)
-    for frame in (calibration.camera_frame, calibration.screen_frame):
+    for frame in (chief.camera_frame, chief.screen_frame):
         met = [surface.meet(points, points - frame.position_mm, moves)[0] for moves in range(MAX_NEWTON_STEPS)]
         slopes = [np.stack(surface.deviation_at(at[:, 0], at[:, 1])[1:]) for at in met]
         left = np.maximum(left, [np.nanmax(np.abs(found - slopes[-1])) for found in slopes[:-1]])
@@ -139,8 +139,8 @@ def _fill_frame(out: np.ndarray, frame: Frame) -> None:
     out["offset"] = -frame.axes @ frame.position_mm
 
 
-def _fill_devices(out: np.ndarray, calibration: Calibration) -> None:
-    screen, camera = calibration.scene.screen, calibration.scene.camera
+def _fill_devices(out: np.ndarray, chief: ChiefRays) -> None:
+    screen, camera = chief.scene.screen, chief.scene.camera
     edge = np.array(screen.pixels) / 2 - np.array(screen.centre_offset_mm) / screen.pitch_mm
     values = {
         "screen_pitch": screen.pitch_mm,

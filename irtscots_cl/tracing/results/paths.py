@@ -34,7 +34,7 @@ class PathFlux:
 
 
 @dataclass(frozen=True)
-class StayingFlux:
+class LostFlux:
     """Light that ends elsewhere than on the detector. standard_error_w: as of PathFlux."""
 
     name: str
@@ -57,7 +57,7 @@ class PathLight(TraceResult):
     options: TraceOptions
     device: dict[str, object]
     paths: tuple[PathFlux, ...]
-    staying: tuple[StayingFlux, ...]
+    losses: tuple[LostFlux, ...]
     launched_w: float
     images_w: np.ndarray = field(repr=False)
     rays: np.ndarray
