@@ -82,7 +82,7 @@ ensure_driver() {
 import sys
 import numpy as np
 import pyopencl as cl
-from irtscots_cl.device import select_device
+from irtscots_cl.opencl.device import select_device
 device, one = select_device(sys.argv[1]), np.zeros(1, np.int32)
 program = cl.Program(device.context, "__kernel void f(__global int *a) { a[0] = 1; }").build(cache_dir=False)
 buffer = cl.Buffer(device.context, cl.mem_flags.READ_WRITE, 4)
