@@ -9,21 +9,22 @@ import h5py
 from irtscots_cl.imaging.image_stack import ImageStack, Scan, check_shapes
 from irtscots_cl.system.memory import check_memory
 
-BYTES_PER_VALUE = 32  # of images while a mirror is measured from them
-MAX_IMAGE_VALUES = 2**28  # of a scan from a stranger's file: 2 GiB in float64
+BYTES_PER_VALUE = 32  # of images: memory while a mirror is measured from them
+MAX_IMAGE_VALUES = 2**28  # of one scan in an unknown file: 2 GiB in float64
 
 
 def read_images(path: Path) -> ImageStack:
-    """The image stack of an HDF5 file with /images/x, /images/y and /lines/x_mm, /lines/y_mm as `run` writes them.
+    """The image stack of an HDF5 file with /images/x, /images/y and /lines/x_mm, /lines/y_mm, as `run` writes it.
 
-    images may also be [exposures, lines, rows, columns]. Raises ValueError, one line, for anything else.
+    images: [lines, rows, columns] or [exposures, lines, rows, columns]. Raises ValueError, with a message of one
+    line, for a file that cannot be read or does not have this form.
     """
     if not path.is_file():
         raise ValueError(f"{path}: not a readable HDF5 file: there is no file of that name")
     try:
         with h5py.File(path, "r") as file:
             return ImageStack(*(_read_scan(file, path, axis) for axis in ("x", "y")))
-    except (OSError, RuntimeError, KeyError) as error:  # h5py tells of broken files and of endless links by any of them
+    except (OSError, RuntimeError, KeyError) as error:  # h5py raises any of them for broken files and endless links
         raise ValueError(f"{path}: not a readable HDF5 file: {str(error.args[0]).splitlines()[0]}") from None
 
 
@@ -31,14 +32,14 @@ def _read_scan(file: h5py.File, path: Path, axis: str) -> Scan:
     images, lines = (_dataset(file, path, name) for name in (f"images/{axis}", f"lines/{axis}_mm"))
     check_memory(f"{path}: /images/{axis}: {images.size} values", images.size * BYTES_PER_VALUE)
     try:
-        check_shapes(axis, lines.shape, images.shape)  # before anything is read
+        check_shapes(axis, lines.shape, images.shape)  # before reading any values
         return Scan.from_images(axis, lines[()], images[()])
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
 def _dataset(file: h5py.File, path: Path, name: str) -> h5py.Dataset:
-    """A dataset of numbers that lie in this very file; nothing is read yet."""
+    """A dataset of numbers stored in this file itself. Its values are not read yet."""
     links = [file.get(part, getlink=True) for part in (name.split("/")[0], name)]
     elsewhere = any(isinstance(link, h5py.ExternalLink) for link in links)
     data = None if elsewhere else file.get(name)

@@ -1,8 +1,8 @@
-"""Image stacks: what the camera records while the screen shows a scan's lines one after the other. Flux in W.
+"""Image stacks: camera images recorded while the screen shows the lines of a scan one by one. Flux in W.
 
-A detector pixel is lit by a few neighbouring lines only, so a scan is kept as one short light curve per pixel; whole
-images are made from them on demand. Replicates (independent parts of a simulation, or repeated exposures of a lab)
-are kept apart for error bars.
+Only a few adjacent lines light a detector pixel, so a scan is stored as one short light curve per pixel. Whole images
+are made from the curves on demand. Replicates (independent repeats of a simulation, or exposures in a lab) are stored
+separately for error bars.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from irtscots_cl.maths.statistics import jackknife_error
 
-MAX_VALUE = 1e100  # of images and positions from elsewhere: squares of sums of them are finite
+MAX_VALUE = 1e100  # of images and positions from files: squares of their sums stay finite
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,9 @@ class Scan:
     positions_mm: [lines] the line centres in the screen's own x (or y). shape: detector (rows, columns).
     pixels: [n] flat pixel numbers row * columns + column. first_line: [n] the light curves' first line.
     flux_w: [replicates, n, window] flux; outside its window a pixel is dark. weights: [replicates] share of each
-    replicate in the mean (rays, exposures). hits: [n] independent random rays behind the whole light curve; NaN where
-    there is no such number: other samplers, lab images. saturation_w: where the camera's pixels saturate; infinite for
-    a simulation.
+    replicate in the mean (rays, exposures). hits: [n] number of independent random rays in a whole light curve; NaN
+    for other samplers and lab images. saturation_w: flux at which the camera's pixels saturate; infinite for a
+    simulation.
     """
 
     axis: str
@@ -51,7 +51,7 @@ class Scan:
     def jackknife_w(self) -> np.ndarray:
         """Light curves [1 + replicates, n, window]: the mean, then the means with one replicate left out in turn.
 
-        A single replicate gives the mean alone: there is nothing to leave out.
+        A single replicate gives only the mean.
         """
         replicates = len(self.weights)
         if replicates == 1:
@@ -59,7 +59,7 @@ class Scan:
         weighted = self.flux_w * self.weights[:, None, None]
         total = weighted.sum(0)
         left = (total - weighted) / (self.weights.sum() - self.weights)[:, None, None]
-        # what was dark in every other replicate is dark: no rounding of total - weighted
+        # a sample that is dark in all other replicates is exactly 0, without rounding errors of total - weighted
         return np.concatenate([total[None] / self.weights.sum(), np.maximum(left, 0.0)])
 
     def standard_error_w(self) -> np.ndarray:
@@ -76,7 +76,7 @@ class Scan:
         return image.reshape(self.shape)
 
     def replicate(self, number: int) -> Scan:
-        """The scan of one replicate alone; its independent rays are its share of all."""
+        """The scan of one replicate. Its hits are its share of all hits."""
         share = self.weights[number] / self.weights.sum()
         one = slice(number, number + 1)
         return replace(self, flux_w=self.flux_w[one], weights=self.weights[one], hits=self.hits * share)
@@ -85,7 +85,8 @@ class Scan:
     def from_images(cls, axis: str, positions_mm: np.ndarray, images_w: np.ndarray) -> Scan:
         """A scan from whole images [lines, rows, columns] or [exposures, lines, rows, columns].
 
-        Raises ValueError for other shapes, positions that do not fit or do not grow, or values that are not finite.
+        Raises ValueError for other shapes, for positions that do not match or increase, or for values that are not
+        finite.
         """
         check_shapes(axis, np.shape(positions_mm), np.shape(images_w))
         images = np.asarray(images_w, float)
@@ -111,7 +112,7 @@ class Scan:
 
 
 def check_shapes(axis: str, positions: tuple[int, ...], images: tuple[int, ...]) -> None:
-    """Refuse, with a ValueError, shapes that Scan.from_images cannot use."""
+    """Raise ValueError for shapes that Scan.from_images cannot use."""
     if len(images) not in (3, 4) or 0 in images:
         raise ValueError(
             f"images of the {axis} scan have shape {images}; "
@@ -129,13 +130,13 @@ class ImageStack:
     y: Scan
 
     def replicate(self, number: int) -> ImageStack:
-        """The images of one replicate alone."""
+        """The images of one replicate."""
         return ImageStack(self.x.replicate(number), self.y.replicate(number))
 
     def saturating_at(self, saturation_w: float) -> ImageStack:
-        """The same images of a camera whose pixels saturate at that value, in the images' own unit.
+        """The same images, for a camera whose pixels saturate at saturation_w, in the images' own unit.
 
-        Raises ValueError for a value that is not above 0.
+        Raises ValueError for a value that is not positive.
         """
         if not saturation_w > 0:
             raise ValueError(f"--saturation = {saturation_w}: must be above 0")

@@ -1,4 +1,4 @@
-"""What the screen shows. Light adds up, so every pattern is a product with the transport map: no new rays."""
+"""Patterns on the screen. Light is additive, so each pattern is a product with the transport map: no new rays."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from irtscots_cl.scene.model import Scene
 
 @dataclass(frozen=True)
 class LineScan:
-    """Single lines of screen pixels: columns one after the other (x scan), then rows (y scan).
+    """Single lines of screen pixels: one column at a time (x scan), then one row at a time (y scan).
 
     brightness: [rows, columns] of the screen, factor on the radiance of every screen pixel; None: all 1.
     """
