@@ -11,7 +11,7 @@ from irtscots_cl.measurement.light_curves import effective_screen_pixels, positi
 def centroids(scan: Scan, curves_w: np.ndarray, threshold: float = 0.0) -> np.ndarray:
     """Flux-weighted mean line position [..., n] in mm of light curves curves_w [..., n, window] (paper, Eq. 4).
 
-    Only the effective screen pixels count. NaN for a curve without light.
+    Only the effective screen pixels count; threshold: see effective_screen_pixels. NaN for a curve without light.
     """
     flux = np.where(effective_screen_pixels(curves_w, threshold), curves_w, 0.0)
     offset = _offsets(scan)
@@ -20,19 +20,19 @@ def centroids(scan: Scan, curves_w: np.ndarray, threshold: float = 0.0) -> np.nd
 
 
 def poisson_error(scan: Scan, curves_w: np.ndarray) -> np.ndarray:
-    """Standard error [n] in mm that counting alone gives the centroids of curves_w [n, window].
+    """Standard error [n] in mm of the centroids of curves_w [n, window] from counting statistics.
 
-    The curve's own standard deviation over the root of the rays behind it; NaN where these are unknown or one.
+    It is the curve's standard deviation divided by the root of its number of rays. NaN if that number is unknown or 1.
     """
     offset = _offsets(scan)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = curves_w / curves_w.sum(-1, keepdims=True)
         mean = (share * offset).sum(-1)
         variance = (share * offset**2).sum(-1) - mean**2
-        # one ray (weighted, so not exactly 1) has no spread to tell of
+        # one ray (weighted, so not exactly 1) has no spread
         return np.where(scan.hits > 1.5, np.sqrt(variance / scan.hits), np.nan)
 
 
 def _offsets(scan: Scan) -> np.ndarray:
-    """Line positions [n, window] relative to each curve's first line: small numbers keep the moments exact."""
+    """Line positions [n, window] relative to each curve's first line. Small numbers keep the moments exact."""
     return positions(scan) - scan.positions_mm[scan.first_line][:, None]

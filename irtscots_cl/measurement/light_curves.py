@@ -1,4 +1,4 @@
-"""Light curves of the detector pixels: which of their samples belong to them, and which curves can be used."""
+"""Light curves of the detector pixels: the samples that count, and the curves that can be used."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ import numpy as np
 
 from irtscots_cl.imaging.image_stack import Scan
 
-EDGE_TOLERANCE = 0.05  # lines: the light that is lost there shifts the centroid by about 0.8 um, 0.1 urad
-DARK_EDGE_TOLERANCE = 0.5  # lines, where no light was sampled at the edge: noise moves the centroid of few rays
-STRAY_SHARE = 0.1  # of a curve's light, farther from its centroid than the geometry allows
+EDGE_TOLERANCE = 0.05  # lines: light lost there shifts the centroid by about 0.8 um, 0.1 urad
+DARK_EDGE_TOLERANCE = 0.5  # lines, if the edge line is dark: noise moves the centroid of a few rays
+STRAY_SHARE = 0.1  # of a curve's light: largest share farther from its centroid than the geometry allows
 
 
 class Flag(IntEnum):
     """Why a light curve is not used."""
 
     GOOD = 0
-    EMPTY = 1  # no light at all, or none without one of the replicates
+    EMPTY = 1  # no light at all, or all light in a single replicate
     CLIPPED = 2  # reaches past the screen's first or last line: its centroid would be wrong
-    STRAY = 3  # much of its light is where the geometry allows none: background, a second peak, another scene
-    SATURATED = 4  # a sample of any exposure is at the camera's limit: its flat top hides where the middle is
+    STRAY = 3  # much light where the geometry allows none: background, a second peak, another scene
+    SATURATED = 4  # a sample of some exposure is at the camera's limit: a flat top hides the centre
 
 
 def effective_screen_pixels(curves_w: np.ndarray, threshold: float = 0.0) -> np.ndarray:
-    """Samples [..., n, window] of light curves that count for the centroid: above threshold x their peak.
+    """Samples [..., n, window] of light curves that count for the centroid: those above threshold x peak.
 
-    The effective screen pixel is the screen area that lights a detector pixel (paper, section 2.2). The default takes
-    every sample with light, which is right for images without background.
+    The effective screen pixel is the screen area that lights a detector pixel (paper, section 2.2). The default
+    uses every sample with light, which suits images without background.
     """
     return curves_w > threshold * np.max(curves_w, axis=-1, keepdims=True, initial=0.0)
 
@@ -35,7 +35,7 @@ def effective_screen_pixels(curves_w: np.ndarray, threshold: float = 0.0) -> np.
 def positions(scan: Scan) -> np.ndarray:
     """Line positions [n, window] in mm of a scan's samples.
 
-    Samples past the last line, of windows wider than the scan, are dark; any position does.
+    In a window wider than the scan, samples past the last line are dark, so their positions do not matter.
     """
     return scan.positions_mm[np.minimum(scan.lines, len(scan.positions_mm) - 1)]
 
@@ -43,12 +43,12 @@ def positions(scan: Scan) -> np.ndarray:
 def flag_curves(scan: Scan, curves_w: np.ndarray, centroid_mm: np.ndarray, reach_mm: np.ndarray) -> np.ndarray:
     """A Flag [n] for each light curve curves_w [n, window] of the scan.
 
-    centroid_mm: [n] of the curves. reach_mm: [n] how far from its centre the light of a pixel reaches on the screen by
-    the design's geometry. A curve is clipped if by that its light reaches past the first or last line on the screen, by
-    more than EDGE_TOLERANCE where that line is lit (less shifts the centroid by no more than the sampling by lines does
-    anyway), by more than DARK_EDGE_TOLERANCE otherwise.
+    centroid_mm: [n] of the curves. reach_mm: [n] half-extent of a pixel's light on the screen, from the design's
+    geometry. A curve is clipped if its light would extend past the first or last line of the screen by more than
+    EDGE_TOLERANCE if that line is lit, or by more than DARK_EDGE_TOLERANCE otherwise. A smaller excess shifts the
+    centroid no more than the sampling by lines does.
     """
-    pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else 0.0  # one line holds no curve whole
+    pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else 0.0  # one line clips every curve
     first, last = scan.positions_mm[0] - pitch / 2, scan.positions_mm[-1] + pitch / 2
     lit = curves_w > 0
     lit_edge = (lit & ((scan.lines == 0) | (scan.lines == len(scan.positions_mm) - 1))).any(-1)

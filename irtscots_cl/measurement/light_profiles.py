@@ -1,8 +1,9 @@
-"""Light curves by their model: where the light's centre is, knowing its profile across the lines.
+"""Centroids of the light from light curves and the modelled profile of the light across the lines.
 
-A light curve samples the light by lines of finite width, and its centroid is not quite that of the light (0.1 urad on
-the paper's sphere). The design tells the profile, the chord of the camera's aperture (paper, Eq. 2) spread over the
-pixel's own image; moved to where its sampled centroid is the measured one, it tells the light's own centroid.
+A light curve samples the light by lines of finite width, so its centroid differs slightly from that of the light
+(0.1 urad on the paper's sphere). The design gives the profile: the chord of the camera's aperture (paper, Eq. 2) spread
+over the pixel's own image. The profile is moved until its sampled centroid is the measured one; its true centroid is
+the result.
 """
 
 from __future__ import annotations
@@ -13,17 +14,18 @@ from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.measurement.light_curves import effective_screen_pixels
 from irtscots_cl.optics.pixel.response import PixelResponse
 
-ROUNDS = 4  # of moving the profile: each leaves a few percent of the error before
+ROUNDS = 4  # of moving the profile: each reduces the error to a few percent
 CONVERGED = 1e-6  # mm: 1e-4 urad in the paper's test
 
 
 def sampling_error(
     positions_mm: np.ndarray, light: PixelResponse, output: str, centre_mm: np.ndarray, threshold: float = 0.0
 ) -> np.ndarray:
-    """Centroid of noise-free light curves less that of the light itself: [n] mm, NaN where the model does not hold.
+    """Centroid of noise-free light curves minus that of the light: [n] mm, NaN where the model does not hold.
 
-    The light of the n pixels of `light` along "u" or "v" is moved to have its centroids at centre_mm [n] and sampled by
-    lines at positions_mm [lines], and beyond them as far as it reaches. threshold: see effective_screen_pixels.
+    The light of the n pixels of `light` along output, "u" or "v", is moved so that its centroids are at centre_mm [n].
+    It is sampled by lines at positions_mm [lines], and by more lines beyond them if it extends past them.
+    threshold: see effective_screen_pixels.
     """
     pitch = np.diff(positions_mm).mean() if len(positions_mm) > 1 else light.chief.scene.screen.pitch_mm
     moved = np.where(light.valid(), centre_mm - light.means(output)[0], np.nan)
@@ -41,9 +43,9 @@ def sampling_error(
 
 
 def profile_centroids(scan: Scan, light: PixelResponse, centroid_mm: np.ndarray, threshold: float = 0.0) -> np.ndarray:
-    """Centroids [n] in mm of the light, from those [n] of its light curves, for light of the modelled profile.
+    """Centroids [n] in mm of the light, from the centroids [n] of its light curves and the modelled profile.
 
-    light: of the design's pixels; a pixel that it has no model of keeps its centroid.
+    light: of the design's pixels. A pixel without a model keeps its centroid.
     """
     known, index, output = _common(scan, light)
     measured = np.full(len(light.pixels), np.nan)
@@ -59,7 +61,7 @@ def profile_centroids(scan: Scan, light: PixelResponse, centroid_mm: np.ndarray,
 
 
 def sampled_centroids(scan: Scan, light: PixelResponse, threshold: float = 0.0) -> np.ndarray:
-    """Centroids [n] in mm of the light curves that the modelled light gives on the scan's lines; NaN where no model."""
+    """Centroids [n] in mm of the modelled light's curves on the scan's lines; NaN for pixels without a model."""
     known, index, output = _common(scan, light)
     centre = light.means(output)[0]
     result = np.full(len(scan.pixels), np.nan)
@@ -68,6 +70,6 @@ def sampled_centroids(scan: Scan, light: PixelResponse, threshold: float = 0.0) 
 
 
 def _common(scan: Scan, light: PixelResponse) -> tuple[np.ndarray, np.ndarray, str]:
-    """Where the pixels that both have are in scan.pixels and in light.pixels; the light's coordinate along the scan."""
+    """Indices of the common pixels in scan.pixels and in light.pixels, and the light's coordinate along the scan."""
     _, known, index = np.intersect1d(scan.pixels, light.pixels, assume_unique=True, return_indices=True)
     return known, index, "uv"["xy".index(scan.axis)]

@@ -1,4 +1,4 @@
-"""Ready-made ways to measure: from the paper's to the most exact one."""
+"""Named measurement methods, from the paper's to the most exact one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from irtscots_cl.scene.model import Scene
 
 @dataclass(frozen=True)
 class Measure:
-    """light_curve, method, pixel_average: of `reconstruct`. rounds: of refinement, at most."""
+    """light_curve, method, pixel_average: arguments of `reconstruct`. rounds: largest number of refinement rounds."""
 
     light_curve: str = "centroid"
     method: str = "southwell"
@@ -21,14 +21,14 @@ class Measure:
 
 
 MEASURES = {
-    "paper": Measure(),  # plain centroids and Southwell's integration, as the paper has them
+    "paper": Measure(),  # plain centroids and Southwell's integration, as in the paper
     "fine": Measure("chord", "cubic", pixel_average=False),
     "refined": Measure("chord", "cubic", pixel_average=False, rounds=4),
 }
 
 
 def check_measure(name: str, threshold: float = 0.0) -> Measure:
-    """One of MEASURES by its name; ValueError for another, or one that cannot do with a threshold."""
+    """The method `name` of MEASURES. Raises ValueError for an unknown name, or if it cannot use a threshold."""
     if name not in MEASURES:
         raise ValueError(f"--measure = {name!r}: must be one of {', '.join(MEASURES)}")
     how = MEASURES[name]
@@ -41,7 +41,10 @@ def check_measure(name: str, threshold: float = 0.0) -> Measure:
 
 
 def measure_by(name: str, stack: ImageStack, nominal: Scene, threshold: float = 0.0) -> Reconstruction:
-    """The surface by one of MEASURES. Raises as `reconstruct` does, and ValueError for an unknown name."""
+    """Measure the surface by the method `name` of MEASURES.
+
+    Raises ValueError for an unknown name, and the errors of `reconstruct`.
+    """
     how = check_measure(name, threshold)
     result = reconstruct(
         stack,

@@ -1,8 +1,8 @@
-"""What error a measurement must have: ray noise and line sampling, from the design and the images alone.
+"""Predicted errors of a measurement: ray noise and line sampling, from the design and the images only.
 
 Ray noise: counting statistics of each light curve, or the scatter between replicates. Line sampling: the centroid of a
-light curve sampled at lines of finite width is not exactly the centroid of the light; the error depends on where the
-light falls between the lines.
+light curve sampled by lines of finite width differs from the centroid of the light; the error depends on the position
+of the light between the lines.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from irtscots_cl.measurement.slopes import half_vector_slopes
 from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
 from irtscots_cl.optics.pixel.response import pixel_response
 
-NOISE_DRAWS = 32  # maps of random slopes behind the predicted height noise: its own error is a few percent
+NOISE_DRAWS = 32  # maps of random slopes for the predicted height noise; its own error is a few percent
 
 
 @dataclass(frozen=True)
@@ -36,21 +36,21 @@ class PredictedError:
 
     @property
     def slope(self) -> tuple[float, float]:
-        """Both parts together, root sum square (x, y) [rad]."""
+        """Root sum square of both contributions, (x, y) in rad."""
         x, y = np.hypot(self.ray_noise_slope, self.line_sampling_slope)
         return float(x), float(y)
 
     @property
     def height_mm(self) -> float:
-        """Both parts together, root sum square [mm]."""
+        """Root sum square of both contributions, in mm."""
         return float(np.hypot(self.ray_noise_height_mm, self.line_sampling_height_mm))
 
 
 def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
     """Predict the slope and height errors of a reconstruction from its own light curves.
 
-    Ray noise is that of counting the rays behind each curve where they are independent; for other samplers and for lab
-    images it is the scatter of the replicates. Where there is neither, the prediction is NaN.
+    Ray noise comes from counting statistics of each curve's rays if these are independent, and from the scatter of the
+    replicates for other samplers and for lab images. The prediction is NaN if neither is available.
     """
     chief = chief_rays(result.nominal)
     scale = _slope_per_mm(chief, result)
@@ -75,7 +75,7 @@ def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
 
 
 def _line_sampling(result: Reconstruction, scan: Scan) -> np.ndarray:
-    """Error [rows, columns] in mm that sampling by lines leaves in the centroids; 0 where it is modelled."""
+    """Error [rows, columns] in mm of the centroids from sampling by lines; 0 where the model removes it."""
     left = np.where(result.mask, 0.0, np.nan)
     if result.light_curve != "centroid" or result.updates_nm:
         return left

@@ -1,4 +1,4 @@
-"""From images to the mirror's surface: light curves, centroids, slopes, height. It sees the design, never the truth."""
+"""From images to the mirror's surface: light curves, centroids, slopes, height. It uses the design, never the truth."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
 from irtscots_cl.optics.pixel.response import pixel_response
 from irtscots_cl.scene.model import Scene
 
-MIN_PIXELS = 4  # to tell piston, tilt and power apart
+MIN_PIXELS = 4  # to separate piston, tilt and power
 LIGHT_CURVES = ("centroid", "chord")
 HEIGHT_ROUNDS = 2  # slopes, height, slopes, height: a third round changes less than 0.01 nm on a deviation of 1 um
 
@@ -27,12 +27,12 @@ HEIGHT_ROUNDS = 2  # slopes, height, slopes, height: a third round changes less 
 class Reconstruction:
     """A measured surface on the detector's grid [rows, columns]; NaN outside the mask. Mirror frame.
 
-    x_mm, y_mm: mirror points. on_mirror: pixels that see enough of the mirror; mask: those of them that are used.
-    flags: lightcurves.Flag of the worse of the two scans (pixels without a light curve: EMPTY). centroid_x_mm,
+    x_mm, y_mm: mirror points. on_mirror: pixels that see enough of the mirror; mask: the used pixels among them.
+    flags: light_curves.Flag, the worse of the two scans (pixels without a light curve: EMPTY). centroid_x_mm,
     centroid_y_mm: in the screen's frame. slope_x, slope_y [rad]: of the whole surface. height_mm: design plus
-    deviation; deviation_mm: from the design, mean zero over the mask. light_curve, method, pixel_average: how it was
-    made (see reconstruct). updates_nm: rms change of each round of refinement. jackknife_*: [replicates, rows,
-    columns], the same with one replicate left out in turn, for error bars.
+    deviation; deviation_mm: from the design, zero mean over the mask. light_curve, method, pixel_average: arguments of
+    reconstruct. updates_nm: rms change of each round of refinement. jackknife_*: [replicates, rows, columns], the same
+    maps with one replicate left out in turn, for error bars.
     """
 
     nominal: Scene
@@ -60,7 +60,7 @@ class Reconstruction:
         return int(self.mask.sum())
 
     def refused(self) -> dict[str, int]:
-        """How many of the pixels on the mirror have a light curve that cannot be used, by the flag's name."""
+        """Number of pixels on the mirror with an unusable light curve, by the flag's name."""
         return {flag.name.lower(): int(np.sum(self.on_mirror & (self.flags == flag))) for flag in Flag if flag}
 
     def estimates(self, name: str) -> np.ndarray:
@@ -68,7 +68,7 @@ class Reconstruction:
         return np.concatenate([getattr(self, name)[None], getattr(self, f"jackknife_{name}")])
 
     def height_standard_error_mm(self) -> np.ndarray:
-        """Standard error [rows, columns] of the deviation with piston and tilt removed; NaN for a single replicate."""
+        """Standard error [rows, columns] of the deviation without piston and tilt; NaN for a single replicate."""
         heights = self.estimates("deviation_mm")
         removed = [remove_terms(self.x_mm, self.y_mm, h, self.mask, "piston_tilt") for h in heights]
         return jackknife_error(np.stack(removed))
@@ -84,15 +84,15 @@ def reconstruct(
     min_coverage: float = 0.5,
     threshold: float = 0.0,
 ) -> Reconstruction:
-    """Measure the surface from line-scan images, knowing the design scene alone.
+    """Measure the surface from line-scan images and the design scene only.
 
-    nominal: the scene without deviation (scene.nominal()). light_curve: "centroid" takes the light curves' centroids as
-    they are (paper, Eq. 4), "chord" by the profile that the design gives them (profiles.py). method: of
-    integrate_slopes. pixel_average: whether slopes stay the means over the pixels that they are measured as, or are
-    taken to the pixels' centres (slopes.without_pixel_average). min_coverage: least part of a pixel's footprint on the
-    mirror for the pixel to be used. threshold: see lightcurves.effective_screen_pixels.
+    nominal: the scene without deviation (scene.nominal()). light_curve: "centroid" uses the light curves' centroids
+    (paper, Eq. 4), "chord" corrects them by the profile from the design (light_profiles.py). method: of
+    integrate_slopes. pixel_average: true to use the measured slopes, which are means over the pixels; false to convert
+    them to the pixels' centres (slopes.deconvolve_pixel). min_coverage: smallest share of a pixel's footprint that must
+    lie on the mirror. threshold: see light_curves.effective_screen_pixels.
 
-    Raises ValueError if the stack does not fit the scene or fewer than MIN_PIXELS pixels can be used.
+    Raises ValueError if the stack does not match the scene or fewer than MIN_PIXELS pixels can be used.
     """
     if light_curve not in LIGHT_CURVES:
         raise ValueError(f"light_curve = {light_curve!r}: must be one of {', '.join(LIGHT_CURVES)}")
@@ -102,7 +102,7 @@ def reconstruct(
     centroid_y, flag_y = _measured(chief, stack.y, light_curve, threshold)
     flags = np.maximum(flag_x, flag_y)
     on_mirror = chief.footprint.coverage >= min_coverage
-    # where all light is in one replicate, leaving that one out leaves none
+    # if one replicate has all the light, leaving it out leaves none
     flags[(flags == Flag.GOOD) & ~np.isfinite(centroid_x + centroid_y).all(0)] = Flag.EMPTY
     mask = on_mirror & (flags == Flag.GOOD)
     _check_enough(nominal.name, on_mirror, mask, flags)
@@ -134,7 +134,7 @@ def reconstruct(
 
 
 def _check_fits(stack: ImageStack, chief: ChiefRays) -> None:
-    """Refuse images that are not of the scene's detector and screen, with a ValueError."""
+    """Raise ValueError if the images do not match the scene's detector and screen."""
     nominal = chief.scene
     if stack.x.shape != chief.shape or stack.y.shape != chief.shape:
         raise ValueError(
@@ -149,7 +149,7 @@ def _check_fits(stack: ImageStack, chief: ChiefRays) -> None:
 
 
 def _check_enough(name: str, on_mirror: np.ndarray, mask: np.ndarray, flags: np.ndarray) -> None:
-    """Refuse a measurement of too few pixels, with a ValueError that counts the reasons."""
+    """Raise ValueError if too few pixels can be used; the message counts the reasons."""
     if mask.sum() < MIN_PIXELS:
         refused = ", ".join(f"{np.sum(flags[on_mirror] == flag)} {flag.name.lower()}" for flag in list(Flag)[1:])
         raise ValueError(
@@ -161,7 +161,7 @@ def _check_enough(name: str, on_mirror: np.ndarray, mask: np.ndarray, flags: np.
 def _measured(
     chief: ChiefRays, scan: Scan, light_curve: str, threshold: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Centroids [1 + replicates left out, rows, columns] in mm, NaN where there are none, and flags [rows, columns]."""
+    """Centroids [1 + replicates, rows, columns] in mm, NaN where there is none, and flags [rows, columns]."""
     curves = scan.jackknife_w()
     on_grid = np.full((len(curves), scan.shape[0] * scan.shape[1]), np.nan)
     found = centroids(scan, curves, threshold)
@@ -176,9 +176,9 @@ def _measured(
 
 
 def design_points(chief: ChiefRays) -> list[np.ndarray]:
-    """Mirror point x, y and screen point u, v [rows, columns] in mm of each pixel's light, were the mirror the design.
+    """Mirror point x, y and screen point u, v [rows, columns] in mm of each pixel's light, for the design mirror.
 
-    From the closed form of the light, or, for pixels that it does not hold for, the mean of their chief rays.
+    They come from the closed form of the light, or from the mean of the chief rays for pixels without a closed form.
     """
     light, footprint = pixel_response(chief.scene), chief.footprint
     points = [v.copy() for v in (footprint.x_mm, footprint.y_mm, footprint.u_mm, footprint.v_mm)]
@@ -200,9 +200,9 @@ def _surface(chief: ChiefRays, mirror, landing, mask, centroid, method: str, pix
     """Slopes and deviation [1 + replicates, rows, columns] from centroids (u, v) of the same shape.
 
     mirror: (x, y), landing: (u, v) [rows, columns] of the design. Only the difference from the slopes that the same
-    triangulation gives for the design is integrated: neither the zonal method's own error on the design surface (13 nm
-    of power on the paper's sphere) nor the landing point's curvature over a footprint (41 nm of tilt on the off-axis
-    preset) enters. Eq. 3 contains the height itself, so the height found is fed back.
+    triangulation gives for the design is integrated. This excludes the zonal method's own error on the design surface
+    (13 nm of power on the paper's sphere) and the curvature of the landing point over a footprint (41 nm of tilt on the
+    off-axis preset). Eq. 3 contains the height itself, so the computed height is fed back.
     """
     surface = chief.surface
     design = surface.sag(*mirror)

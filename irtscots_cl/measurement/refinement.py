@@ -1,10 +1,10 @@
-"""Refinement of a measured surface by a model: simulate the surface found, compare light curves, correct, repeat.
+"""Refinement of a measured surface by a model: simulate it, compare the light curves, correct it, and repeat.
 
-The surface found is fitted by Zernike polynomials, which makes it a scene; its light curves follow in closed form. What
-the measured centroids differ from the modelled ones by are slopes that the model lacks. Only these small differences go
-through triangulation and integration, so that whatever these leave out (averaging over a pixel, partly lit pixels at
-the edge, the second order of the geometry, the sampling by lines) acts on the difference alone: Gauss-Newton on the
-slopes.
+Zernike polynomials are fitted to the measured surface. The model is the scene with this surface; its light curves
+follow in closed form. Differences between measured and modelled centroids are slopes that the model lacks. Only these
+small differences go through triangulation and integration. So the neglected effects (averaging over a pixel, partly
+lit pixels at the edge, second-order geometry, sampling by lines) act only on the differences. This is Gauss-Newton on
+the slopes.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 
-MODEL_ORDER = 20  # radial order of the model: what is finer is left to the differences
-PIXELS_PER_TERM = 8  # at least, lest the model follow the noise
+MODEL_ORDER = 20  # radial order of the model: finer structure stays in the differences
+PIXELS_PER_TERM = 8  # at least, so that the model does not follow the noise
 
 
 def refine(
@@ -36,9 +36,9 @@ def refine(
 ) -> Reconstruction:
     """Refine a reconstruction of the stack until a round changes less than tolerance_nm rms, at most `rounds` times.
 
-    The result's updates_nm tell each round's change, piston and tilt removed. Pixels that the model has no light for
-    keep their slopes. The light curves are taken whole: the centroid of a curve that is cut off at a threshold jumps
-    as the light moves, and rounds of refinement would not converge.
+    updates_nm of the result contains each round's change, without piston and tilt. Pixels without light in the model
+    keep their slopes. No threshold is applied to the light curves: the centroid of a curve cut at a threshold jumps as
+    the light moves, and the rounds would not converge.
     """
     fit = _fit(result)
     for _ in range(rounds):
@@ -56,7 +56,8 @@ def refine(
 def _fit(result: Reconstruction) -> np.ndarray:
     """Matrix [terms, pixels used] from heights to coefficients of Noll terms 1, 2, ... by least squares over the mask.
 
-    By normal equations: the terms are nearly orthogonal over a mirror, and what a mask cannot tell apart is left out.
+    It uses normal equations: the terms are nearly orthogonal over a mirror. Combinations of terms that the mask cannot
+    separate are omitted.
     """
     order = MODEL_ORDER
     while (order + 1) * (order + 2) // 2 * PIXELS_PER_TERM > result.pixels_used and order > 1:
@@ -101,7 +102,7 @@ def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray) -> Recons
         differ = there - model_slope
         if not result.pixel_average:
             differ = deconvolve_pixel(differ, mask)
-        kept = result.estimates(f"slope_{axis}") - gradient  # where the model has no light
+        kept = result.estimates(f"slope_{axis}") - gradient  # for pixels without light in the model
         extra.append(np.where(np.isfinite(differ), differ, kept))
     differ = integrate_slopes(result.x_mm, result.y_mm, *extra, mask, result.method)
     deviation = surface.deviation_at(result.x_mm, result.y_mm)[0] + differ

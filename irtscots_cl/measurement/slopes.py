@@ -9,8 +9,8 @@ def half_vector_slopes(mirror_mm: np.ndarray, screen_mm: np.ndarray, camera_mm: 
     """Slopes (dz/dx, dz/dy) [...] of the mirror at its points (paper, Eq. 3; Su et al. 2010).
 
     mirror_mm, screen_mm: [..., 3] points of the mirror and the screen points that they reflect into the camera;
-    camera_mm: [3] centre of the camera's aperture; all in world coordinates. The surface normal halves the angle
-    between the directions to screen and camera. The mirror points contain the height that is sought.
+    camera_mm: [3] centre of the camera's aperture; all in world coordinates. The surface normal bisects the angle
+    between the directions to screen and camera. The mirror points include the unknown height.
     """
     to_screen, to_camera = screen_mm - mirror_mm, camera_mm - mirror_mm
     half = to_screen / np.linalg.norm(to_screen, axis=-1, keepdims=True) + to_camera / np.linalg.norm(
@@ -23,8 +23,8 @@ def deconvolve_pixel(slope: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Slopes at the pixels' centres from their means over the pixels: [..., rows, columns], mask [rows, columns].
 
     The mean of a smooth function over a pixel is its value at the centre plus 1/24 of its second differences along rows
-    and columns, to fourth order in the pitch. At the mask's edge the neighbour's second difference stands for the
-    pixel's own; a pixel with too few neighbours in a row or column keeps the mean there. NaN outside the mask.
+    and columns, to fourth order in the pitch. At the mask's edge the neighbour's second difference replaces the
+    pixel's own; a pixel with too few neighbours along a row or column keeps the mean there. NaN outside the mask.
     """
     slope = np.where(mask, slope, np.nan)
     excess = np.zeros_like(slope)
