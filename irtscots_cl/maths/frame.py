@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Frame:
-    """A device's frame in world coordinates: origin at the device, z from what it looks at back to the device.
+    """A device's frame in world coordinates: origin at the device, +z away from the point it looks at.
 
     position_mm: [3]; axes: [3, 3], the rows are the unit vectors x, y, z. x = unit(Y_world x z), y = z x x.
     """
@@ -19,7 +19,7 @@ class Frame:
 
     @classmethod
     def looking(cls, position_mm, look_at_mm) -> Frame:
-        """Frame of a device at position_mm [3] that looks at look_at_mm [3]; not along the world's Y axis."""
+        """Frame of a device at position_mm [3] that looks at look_at_mm [3], not along the world's Y axis."""
         position = np.asarray(position_mm, float)
         z = _unit(position - np.asarray(look_at_mm, float))
         x = _unit(np.cross([0.0, 1.0, 0.0], z))

@@ -1,4 +1,4 @@
-"""Piston, tilt and power of height maps: their removal, and rms over a mask."""
+"""Piston, tilt and power of height maps: removal of these terms, and rms over a mask."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def remove_terms(x_mm: ArrayLike, y_mm: ArrayLike, z: ArrayLike, mask: ArrayLike
     arrays are [rows, columns]. The fit runs over the samples inside the mask whose z is finite; the others
     are NaN in the result.
 
-    Raises ValueError for unknown terms, a shape that does not fit, an empty or non-boolean mask, fewer
+    Raises ValueError for unknown terms, a shape that does not match, an empty or non-boolean mask, fewer
     samples than terms, or a position that is not finite where a sample is used.
     """
     if terms not in TERMS:
@@ -39,7 +39,7 @@ def rms(z: ArrayLike, mask: ArrayLike) -> float:
     """Root mean square of ``z`` over its finite samples inside ``mask``, both [rows, columns]; unit of ``z``.
 
     Nothing is removed first, not even the mean: see `remove_terms`. Raises ValueError if no sample is left,
-    or for a mask as `zonal_integrator` would.
+    or for an empty or non-boolean mask.
     """
     z, used = _samples(z, mask)
     if not used.any():
@@ -64,7 +64,7 @@ def _samples(z: ArrayLike, mask: ArrayLike) -> tuple[NDArray[np.float64], NDArra
 
 
 def _centred(position: ArrayLike, name: str, used: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Used positions less their mean: centred columns keep the fit well conditioned."""
+    """Used positions minus their mean: centred columns keep the fit well conditioned."""
     position = np.asarray(position, dtype=np.float64)
     if position.shape != used.shape:
         raise ValueError(f"{name} has shape {position.shape}, expected {used.shape} for this mask")

@@ -39,10 +39,10 @@ class Quadric:
         )
 
     def meet(self, x0, y0, p, q) -> np.ndarray:
-        """Height z where the lines (x0 + p z, y0 + q z, z) meet the surface next to the origin; NaN where they miss.
+        """Height z where the lines (x0 + p z, y0 + q z, z) meet the surface nearest the origin; NaN if they miss.
 
-        Only the part of the parent whose normal has an upward component counts: not what lies above its widest circle,
-        nor a hyperboloid's second sheet.
+        Only points of the parent whose normal has an upward component count: not those above its widest circle or on
+        the second sheet of a hyperboloid.
         """
         a = self.q_xx * p * p + self.q_yy * q * q + self.q_zz + 2.0 * self.q_xz * p
         b = 1.0 - (self.q_xx * x0 * p + self.q_yy * y0 * q + self.q_xz * x0)

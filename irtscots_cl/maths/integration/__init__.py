@@ -1,14 +1,14 @@
 """Integration: two slope maps to one height map, on nodes at their true positions and any mask.
 
-The nodes form a logical grid [rows, columns], but need not be regular: neighbours along a row may differ in y,
-neighbours along a column in x. An island, nodes that are joined along rows and columns, has a free piston, set so
-that its mean height is 0; a lone node has height 0. Methods:
+The nodes form a logical grid [rows, columns] that need not be regular: neighbours along a row may differ in y, and
+neighbours along a column in x. An island is a set of nodes connected along rows and columns. Its piston is free, and is
+set so that its mean height is 0; a single node has height 0. Methods:
 
 - southwell: zonal; trapezoids between neighbours. Exact for quadratic surfaces on any nodes.
 - cubic: zonal; between two neighbours, positions and slopes run as cubics through four nodes of the row or column.
 - spline: zonal; as cubic, but with one cubic spline through all nodes of an unbroken row or column. Both are exact for
   quadratic surfaces on any nodes and, where rows and columns are straight and have four nodes, for quartic ones.
-- modal: the gradients of Zernike polynomials fitted to the slopes of each island; what is finer than they are is lost.
+- modal: gradients of Zernike polynomials are fitted to the slopes of each island; finer structure is lost.
 
 docs/accuracy.md has the errors of each.
 """

@@ -1,4 +1,4 @@
-"""The methods by name, and the checks of what goes into them; see the package's docstring for what they do."""
+"""The integration methods by name, and the checks of their arguments. The package's docstring describes the methods."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def integrate_slopes(
     x_mm, y_mm : [rows, columns], true positions of the nodes; ignored outside the mask
     slope_x, slope_y : [..., rows, columns], slopes (rise over run); leading axes are independent maps
     mask : bool [rows, columns], the nodes to use
-    method : "southwell", "cubic", "spline" or "modal" (see irtscots_cl.integration)
+    method : "southwell", "cubic", "spline" or "modal" (see irtscots_cl.maths.integration)
 
     Returns [..., rows, columns] in mm, NaN outside the mask, zero mean over every island of the mask.
 

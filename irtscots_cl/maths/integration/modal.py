@@ -1,7 +1,7 @@
 """Modal integration: the gradients of Zernike polynomials fitted to the slopes, island by island.
 
-The polynomials up to a radial order are all polynomials of that degree in x and y, whatever the disk they are defined
-on: the disk around the island, squeezed to its extents in x and y, keeps the fit well conditioned and does no more.
+The Zernike polynomials up to a radial order span all polynomials of that degree in x and y, for any disk. The disk
+around the island, scaled to its extents in x and y, only keeps the fit well conditioned.
 
 Source: R. Cubalchini, J. Opt. Soc. Am. 69, 972 (1979).
 """
@@ -21,8 +21,8 @@ MAX_ORDER = 24  # 324 terms
 
 _ORDER_FACTOR = 2.5
 _LEVER = 0.5  # of the island's diagonal; disks, rings, strips, crosses and the letters C and L reach 0.2 to 0.5
-_BLOCK = 8192  # nodes at a time: 42 MB of gradients at the highest order
-_RANK = 1e-10  # polynomials whose slopes at the nodes are below this part of the others' are taken as flat there
+_BLOCK = 8192  # nodes processed at a time: 42 MB of gradients at the highest order
+_RANK = 1e-10  # polynomials whose relative slopes at the nodes are smaller count as flat there
 
 Values = NDArray[np.float64]
 
@@ -43,10 +43,11 @@ def modal_heights(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) 
 def radial_order(nodes: int) -> int:
     """The highest radial order that is fitted to an island of so many nodes.
 
-    It grows as the root of the nodes across a disk of as many: polynomials of higher degree swing between evenly
-    spaced nodes near the edge. With _ORDER_FACTOR 2.5 white noise has at most 1.15 times Southwell's effect on disks of
-    3 to 105 nodes across, annuli, strips, crosses and ellipses; with 3 it has up to 1.5 times that. At most two more
-    terms than nodes, so that three nodes have a quadratic; at most MAX_ORDER.
+    It grows as the root of the number of nodes across a disk with as many nodes: polynomials of higher degree oscillate
+    between evenly spaced nodes near the edge. With _ORDER_FACTOR 2.5 white noise has at most 1.15 times
+    Southwell's effect on disks of 3 to 105 nodes across, annuli, strips, crosses and ellipses; with 3 it has up to 1.5
+    times that. There are at most two more terms than nodes, so that three nodes have a quadratic. The order is at most
+    MAX_ORDER.
     """
     across = math.sqrt(4 / math.pi * nodes)
     order = min(int(_ORDER_FACTOR * math.sqrt(across)), MAX_ORDER)
@@ -58,8 +59,8 @@ def radial_order(nodes: int) -> int:
 def _fit(x: Values, y: Values, p: Values, q: Values) -> Values:
     """Heights [maps, nodes] of one island, up to a piston.
 
-    Only as high an order is used as the nodes can tell from flat: on a strip of three rows there are polynomials of
-    degree four with hardly a slope at the nodes and any height.
+    The order is limited to polynomials that have slopes at the nodes. For example, on a strip of three rows some
+    polynomials of degree four have almost no slope at the nodes but any height.
     """
     (u, half_x), (v, half_y) = _centred(x), _centred(y)
     reach = np.hypot(u, v).max() or 1.0
@@ -68,7 +69,7 @@ def _fit(x: Values, y: Values, p: Values, q: Values) -> Values:
     slopes, heights, projected = _triangles(u, v, half_x, half_y, p, q, _count(order))
     for count in map(_count, range(order, 0, -1)):
         left, slope, right = np.linalg.svd(slopes[:count, :count])
-        height = heights[:count, :count] @ right.T  # of the polynomials with these slopes
+        height = heights[:count, :count] @ right.T  # heights of the polynomials with these slopes
         seen = slope > _RANK * slope[0]
         lever = np.linalg.norm(height[:, seen] / slope[seen], 2)
         unseen = np.linalg.norm(height[:, ~seen])
@@ -88,8 +89,8 @@ def _triangles(
 ) -> tuple[Values, Values, Values]:
     """QR factors of the first ``count`` terms after piston, at u = x/half_x, v = y/half_y.
 
-    R of their slopes and of their heights less the mean, [count, count], and the slopes p, q [maps, nodes] times Q,
-    [maps, count]. Leading parts of R are those of fewer terms.
+    Returns R of their slopes and of their heights without the mean, [count, count], and the slopes p, q [maps, nodes]
+    times Q, [maps, count]. Leading blocks of R are those of fewer terms.
     """
     slopes, heights, projected = np.empty((0, count)), np.empty((0, 1 + count)), np.empty((len(p), 0))
     for start in range(0, u.size, _BLOCK):

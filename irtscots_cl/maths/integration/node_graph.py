@@ -1,10 +1,10 @@
 """Zonal integration: heights from the rises between neighbouring nodes, by least squares on any mask.
 
 The nodes form a logical grid [rows, columns]. Every pair (i, j) of neighbouring nodes in the mask gives an
-equation z_j - z_i = rise, all of the same weight. How the rises follow from the slopes and the nodes' true
-positions is the business of irtscots_cl/integration. The matrix knows only which nodes are neighbours: it is
-the graph's Laplacian, the same for all rules and all maps. An island (nodes joined by pairs, that is
-4-connected) has a free piston, set so that its mean height is 0; a lone node has height 0.
+equation z_j - z_i = rise, all of the same weight. zonal_rules.py computes the rises from the slopes and
+the nodes' true positions. The matrix depends only on which nodes are neighbours: it is the graph's Laplacian, the
+same for all rules and all maps. An island (nodes joined by pairs, that is 4-connected) has a free piston, set so that
+its mean height is 0; a single node has height 0.
 
 Sources: W. H. Southwell, J. Opt. Soc. Am. 70, 998 (1980), for the least squares; D. C. Ghiglia and L. A. Romero,
 J. Opt. Soc. Am. A 11, 107 (1994), for conjugate gradients with the cosine transform as preconditioner.
@@ -25,11 +25,11 @@ from skimage.measure import label
 
 from irtscots_cl.maths.low_order import checked_mask
 
-# A run integrates over one mask, a tolerance study over a few; a factor of 10^4 nodes takes about 6 MB.
+# A run uses one mask, a tolerance study a few. The factor of 10^4 nodes takes about 6 MB.
 _CACHED_MASKS = 8
-# More nodes are solved by iteration: at 2e5 of them one map takes 0.1 s, and factoring 2.3 s.
+# More nodes are solved by iteration: for 2e5 nodes one map takes 0.1 s, and factoring takes 2.3 s.
 _DIRECT_NODES = 50_000
-# A disk needs 20 steps, halves joined by a bridge of one node 130. What needs more has many holes, and factors well.
+# A disk needs 20 steps; two halves joined by one node need 130. Masks that need more have many holes and factor well.
 _STEPS = 300
 _RESIDUAL = 1e-13  # heights to 1e-13 of their range; the factor's solution has 1e-12 on 2e5 nodes
 
@@ -45,7 +45,7 @@ def node_graph(mask: ArrayLike) -> NodeGraph:
 
 @dataclass(frozen=True, eq=False)
 class NodeGraph:
-    """The nodes of a mask, which of them are neighbours, and the least-squares heights over them.
+    """The nodes of a mask, their neighbours, and the least-squares heights over them.
 
     Nodes are numbered row by row inside the mask. ``mask`` bool [rows, columns]; ``islands`` int [nodes], from 0;
     ``chains``: the numbers of the nodes in every unbroken run of two or more, row by row, then column by column;
@@ -71,7 +71,7 @@ class NodeGraph:
         return cls(mask, islands, chains, pairs)
 
     def values(self, name: str, maps: ArrayLike, lead: tuple[int, ...] = ()) -> NDArray[np.float64]:
-        """Values [maps, nodes] of ``maps`` [*lead, rows, columns]; ValueError for another shape or one not finite."""
+        """Values [maps, nodes] of ``maps`` [*lead, rows, columns]; ValueError for other shapes or non-finite values."""
         maps, shape = np.asarray(maps, dtype=np.float64), lead + self.mask.shape
         if maps.shape != shape:
             raise ValueError(f"{name} has shape {maps.shape}, expected {shape} for this mask")
@@ -82,13 +82,13 @@ class NodeGraph:
         return inside
 
     def heights(self, rises: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Heights [maps, nodes] that fit ``rises`` [maps, pairs] best, in their unit; every island's mean is 0."""
+        """Heights [maps, nodes] that best fit ``rises`` [maps, pairs], in their unit; every island's mean is 0."""
         sources = (self._difference.T @ rises.T).T
         nodes = None if self.islands.size <= _DIRECT_NODES else self._iterated(sources)
         return self.without_piston(self._solved(sources) if nodes is None else nodes)
 
     def without_piston(self, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """``nodes`` [maps, nodes] less the mean of their island."""
+        """``nodes`` [maps, nodes] minus the mean of their island."""
         count = self.islands.size
         members = sparse.csr_array((np.ones(count), (self.islands, np.arange(count))))
         means = (members @ nodes.T) / np.bincount(self.islands)[:, None]
@@ -106,9 +106,9 @@ class NodeGraph:
         return (self._difference.T @ self._difference).tocsc()
 
     def _solved(self, sources: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Solutions [maps, nodes] of Laplacian z = ``sources`` [maps, nodes], by a factorisation kept for later."""
+        """Solutions [maps, nodes] of Laplacian z = ``sources`` [maps, nodes], by a cached factorisation."""
         nodes = np.zeros_like(sources)
-        # Lone nodes alone leave nothing to solve for, and an empty matrix is outside SuperLU's contract.
+        # Without any pair there is nothing to solve, and SuperLU does not accept an empty matrix.
         if self.pairs.size:
             free, factor = self._factor
             nodes[:, free] = factor.solve(sources[:, free].T).T
@@ -116,10 +116,10 @@ class NodeGraph:
 
     @cached_property
     def _factor(self) -> tuple[NDArray[np.intp], SuperLU]:
-        """The nodes that are free, and the factored Laplacian of them.
+        """The free nodes and their factored Laplacian.
 
-        The first node of each island is pinned at 0, which leaves the Laplacian of the others positive definite: an
-        ordering of A^T + A without pivoting keeps the factor half as full as the default.
+        The first node of each island is fixed at 0, so the Laplacian of the others is positive definite. Ordering
+        A^T + A without pivoting gives a factor with half as many entries as the default.
         """
         pinned = np.unique(self.islands, return_index=True)[1]
         free = np.setdiff1d(np.arange(self.islands.size), pinned)
@@ -130,7 +130,8 @@ class NodeGraph:
     def _iterated(self, sources: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """As `_solved`, by conjugate gradients, in little memory; None if that takes too many steps.
 
-        The preconditioner solves the Laplacian of the whole rectangle around the mask, which cosines diagonalise.
+        The preconditioner solves the Laplacian of the whole rectangle around the mask, which the cosine transform
+        diagonalises.
         """
         count, precondition = self.islands.size, _rectangle_solver(self.mask)
         operator = LinearOperator((count, count), matvec=precondition, dtype=np.float64)
@@ -164,7 +165,7 @@ def _rectangle_solver(mask: NDArray[np.bool_]) -> Callable[[NDArray[np.float64]]
     shape = tuple(next_fast_len(int(index.max()) + 1, real=True) for index in (row, column))
     across, down = (2.0 - 2.0 * np.cos(np.pi * np.arange(length) / length) for length in shape)
     eigenvalues = np.add.outer(across, down)
-    eigenvalues[0, 0] = np.inf  # the piston, which the Laplacian does not see
+    eigenvalues[0, 0] = np.inf  # the piston, which the Laplacian does not determine
 
     def solve(nodes: NDArray[np.float64]) -> NDArray[np.float64]:
         rectangle = np.zeros(shape)

@@ -1,4 +1,4 @@
-"""How much height noise a method makes of white slope noise."""
+"""The height noise that a method produces from white slope noise."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from irtscots_cl.maths.integration.methods import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
 
 DRAWS = 64
-_AT_ONCE = 8  # maps, to bound memory
+_AT_ONCE = 8  # maps, to limit memory
 
 
 @dataclass(frozen=True)
 class NoiseGain:
-    """Rms height error, piston and tilt removed, of white slope noise [nm per urad], and its standard error."""
+    """Rms height error, without piston and tilt, from white slope noise [nm per urad], and its standard error."""
 
     nm_per_urad: float
     standard_error: float
@@ -27,9 +27,10 @@ def noise_gain(
 ) -> NoiseGain:
     """Noise gain of ``method`` on these nodes, from ``draws`` maps of Gaussian noise.
 
-    The noise of dz/dx and of dz/dy is independent, from node to node too, and 1 urad rms each. Over all nodes of the
-    mask, piston and tilt are removed once, not island by island. Positions [rows, columns] and mask as
-    `integrate_slopes`, which says what is refused; ValueError too for fewer than 2 draws or 3 nodes.
+    The noise of dz/dx and dz/dy is independent, also between nodes, and 1 urad rms each. Piston and tilt are removed
+    once over all nodes of the mask, not for each island. x_mm, y_mm, mask: [rows, columns], see `integrate_slopes`.
+
+    Raises ValueError for fewer than 2 draws or 3 nodes, and the errors of `integrate_slopes`.
     """
     if draws < 2:
         raise ValueError(f"draws = {draws}: must be at least 2, for a standard error")

@@ -5,13 +5,13 @@ row or a column. Between two nodes, positions and slopes are polynomials of the 
 integral is exact. A rule takes a `NodeGraph`, positions [nodes] and slopes [maps, nodes] and returns the rises [maps,
 pairs] of the graph's pairs.
 
-t is the length of the polygon through the nodes. A node that lies off its place in the grid, as that of a pixel does
-which sees the mirror's edge, then hardly bends the curve. With the nodes' running number as t the largest error on
-the deviation of docs/accuracy.md is six times as large with `cubic_rises`, ten times with `spline_rises`.
+t is the length of the polygon through the nodes. Then a node away from its place in the grid, such as that of a pixel
+at the mirror's edge, hardly bends the curve. With the node's index as t, the largest error on the deviation of
+docs/accuracy.md is six times as large with `cubic_rises`, and ten times with `spline_rises`.
 
 Sources: W. H. Southwell, J. Opt. Soc. Am. 70, 998 (1980); G. Li et al., J. Opt. Soc. Am. A 30, 1448 (2013), for four
 nodes instead of two in a rise; L. Huang et al., Opt. Lasers Eng. 91, 221 (2017), for splines; Appl. Opt. 56, 5139
-(2017), for the rise as what is known between the nodes of irregular quadrilaterals.
+(2017), for rises between the nodes of irregular quadrilaterals.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Numbers = NDArray[np.intp]
 
 
 def southwell_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -> Values:
-    """Straight lines, slopes linear along them."""
+    """Rises [maps, pairs] along straight lines with linear slopes."""
     i, j = graph.pairs
     return 0.5 * ((p[:, i] + p[:, j]) * (x[j] - x[i]) + (q[:, i] + q[:, j]) * (y[j] - y[i]))
 
@@ -39,7 +39,7 @@ def southwell_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values
 def cubic_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -> Values:
     """Cubics through the pair and the next node on either side; at the end of a chain, through its last four nodes.
 
-    Chains of three nodes have parabolas, those of two straight lines. ValueError for neighbours at one place.
+    Chains of three nodes use parabolas, chains of two straight lines. Raises ValueError if neighbours coincide.
     """
     _distances(graph, x, y)
     rises = np.zeros((len(p), graph.pairs.shape[1]))
@@ -53,7 +53,7 @@ def cubic_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) ->
 def spline_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -> Values:
     """A cubic spline through all nodes of the chain, its third derivative continuous next to the ends too.
 
-    Chains of three nodes have parabolas, those of two straight lines. ValueError for neighbours at one place.
+    Chains of three nodes use parabolas, chains of two straight lines. Raises ValueError if neighbours coincide.
     """
     distance = _distances(graph, x, y)
     rises, start = np.empty((len(p), distance.size)), 0
@@ -70,7 +70,7 @@ def spline_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -
 
 
 def _distances(graph: NodeGraph, x: Values, y: Values) -> Values:
-    """Between the nodes of each pair [pairs]; ValueError if one is 0."""
+    """Distances [pairs] between the nodes of each pair; ValueError if one is 0."""
     i, j = graph.pairs
     distance = np.hypot(x[j] - x[i], y[j] - y[i])
     at_one_place = distance.size - np.count_nonzero(distance)
@@ -83,7 +83,7 @@ def _distances(graph: NodeGraph, x: Values, y: Values) -> Values:
 
 
 def _stencils(graph: NodeGraph) -> list[tuple[Numbers, Numbers, Numbers]]:
-    """By size of stencil: its pairs [n], their stencils [n, size], and where in it a pair's first node stands [n]."""
+    """For each stencil size: its pairs [n], their stencils [n, size], and the place of a pair's first node [n]."""
     parts, start = defaultdict(list), 0
     for chain in graph.chains:
         size, count = min(chain.size, _STENCIL), chain.size - 1

@@ -35,7 +35,7 @@ def index_to_nm(j: int, ordering: str) -> tuple[int, int]:
 def nm_to_index(n: int, m: int, ordering: str) -> int:
     """Index of the term of radial order ``n`` and azimuthal order ``m``; the inverse of `index_to_nm`.
 
-    Raises ValueError if the ordering is unknown or (n, m) names no polynomial.
+    Raises ValueError if the ordering is unknown or there is no polynomial (n, m).
     """
     _check_ordering(ordering)
     n, m = checked_nm(n, m)

@@ -1,16 +1,15 @@
 """Zernike polynomials on the unit disk: numbering, values, gradients, device tables, least-squares fit.
 
-Coordinates are dimensionless (position over pupil radius). Values are always Noll-normalised, rms 1 over the
-unit disk, whatever numbering is used. ``m > 0`` is a cosine term, ``m < 0`` a sine term, the angle counted
+Coordinates are dimensionless (position over pupil radius). Values are always Noll-normalised (rms 1 over the
+unit disk) for any numbering. ``m > 0`` is a cosine term, ``m < 0`` a sine term, the angle counted
 from +x towards +y.
 
 With s = x^2 + y^2, t = 2 s - 1, zeta = x + i y and k = (n - |m|)/2 every polynomial is
 
     N P_k^(0,|m|)(t) Re zeta^m   (m >= 0)    or    N P_k^(0,|m|)(t) Im zeta^|m|   (m < 0)
 
-with P the Jacobi polynomial and N = sqrt(n + 1), times sqrt(2) unless m = 0. Nothing is divided by rho and no
-angle is taken, so the origin is an ordinary point; the recurrence in k has none of the cancellation of the
-factorial sum.
+with P the Jacobi polynomial and N = sqrt(n + 1), times sqrt(2) unless m = 0. There is no division by rho and
+no angle, so the origin is an ordinary point. The recurrence in k avoids the cancellation of the factorial sum.
 
 Sources: R. J. Noll, J. Opt. Soc. Am. 66, 207 (1976), for normalisation and numbering; ANSI Z80.28 / L. N.
 Thibos et al., J. Refract. Surg. 18, S652 (2002), for OSA; J. C. Wyant and K. Creath, Applied Optics and
@@ -39,8 +38,9 @@ def normalisation(n: int, m: int) -> float:
 def zernike(j: int, x: ArrayLike, y: ArrayLike, ordering: str = "noll") -> NDArray[np.float64]:
     """Noll-normalised Zernike polynomial ``j`` at unit-disk coordinates ``x``, ``y``.
 
-    ``ordering`` picks the numbering only. Returns the broadcast shape of ``x`` and ``y``. Points outside the
-    disk get the polynomial itself. Raises ValueError as `index_to_nm`, or if the shapes do not broadcast.
+    ``ordering`` selects only the numbering. Returns the broadcast shape of ``x`` and ``y``. Points outside the
+    disk get the polynomial itself. Raises ValueError as `index_to_nm` does, or if the shapes do not
+    broadcast.
     """
     n, m = index_to_nm(j, ordering)
     x, y = broadcast_points(x, y)
@@ -86,7 +86,7 @@ def zernike_fit(
     ``weights`` broadcast together. The coefficients have the unit of ``values``.
 
     Raises ValueError for no or invalid indices, negative or non-finite weights, fewer usable samples than
-    terms, or samples that cannot tell the terms apart.
+    terms, or samples that cannot separate the terms.
     """
     if len(indices) == 0:
         raise ValueError("a Zernike fit needs at least one index")

@@ -1,4 +1,4 @@
-"""Sums of Zernike terms as the tables that kernels evaluate, and their float64 twin."""
+"""Sums of Zernike terms as tables for the kernels, and their float64 evaluation on the host."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from irtscots_cl.maths.zernike.indices import checked_nm
 from irtscots_cl.maths.zernike.polynomials import broadcast_points, normalisation, recurrence
 
-# A sample computed as (cos a, sin a) may land a few ulp outside the disk; it is still a sample on the rim.
-_AT_ONCE = 2**13  # points of a series: a dozen arrays of them stay in the cache
+# A sample computed as (cos a, sin a) may lie a few ulp outside the disk. It still counts as a sample on the rim.
+_AT_ONCE = 2**13  # points evaluated at a time: a dozen arrays of them stay in the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class RadialSeries:
 
     zeta = x + i y and t = 2 (x^2 + y^2) - 1 on the unit disk. One row per azimuthal order present, ascending.
     Row r owns the entries ``offset[r]`` to ``offset[r] + count[r] - 1`` of the flat tables, k from 0.
-    ``cosine`` and ``sine`` include Noll's normalisation and carry the unit of the coefficients that went in.
+    ``cosine`` and ``sine`` include Noll's normalisation and have the unit of the given coefficients.
 
     The recurrence is P_{k+1} = (alpha[k] t + beta[k]) P_k + gamma[k] P_{k-1} with P_0 = 1 and gamma[0] = 0.
     Clenshaw runs b_k = c_k + (alpha[k] t + beta[k]) b_{k+1} + gamma[k+1] b_{k+2} down to the sum b_0. Step
@@ -42,7 +42,7 @@ class RadialSeries:
 def radial_series(terms: Mapping[tuple[int, int], float]) -> RadialSeries:
     """Tables that evaluate the sum of ``terms``, a mapping {(n, m): coefficient of the Noll-normalised term}.
 
-    A term listed with coefficient 0 keeps its place in the tables; an empty mapping gives empty tables.
+    A term with coefficient 0 keeps its place in the tables; an empty mapping gives empty tables.
     Raises ValueError for an invalid (n, m) or a coefficient that is not finite.
     """
     orders: dict[int, int] = {}
@@ -72,8 +72,8 @@ class PowerRows:
     """A `RadialSeries` as rows c(t) B for evaluation by Horner's rule: see kernels/mirror/zernike_power.cl.
 
     order, sine, count: int32 [rows], azimuthal order m (ascending), 1 for the sine part, number of powers;
-    coefficient: float64 [sum of count], each row's powers of t from the highest down. loss: how much larger the powers'
-    coefficients are than the Jacobi series', the factor by which rounding errors grow; at most 1 where there is no row.
+    coefficient: float64 [sum of count], each row's powers of t from the highest down. loss: the powers'
+    coefficients relative to the Jacobi series', the factor by which rounding errors grow; at most 1 without rows.
     """
 
     order: NDArray[np.int32]
@@ -84,9 +84,9 @@ class PowerRows:
 
 
 def power_rows(series: RadialSeries) -> PowerRows:
-    """Expand each part of a series that is not zero in powers of t.
+    """Expand each non-zero part of a series in powers of t.
 
-    On [-1, 1] the powers of t cancel each other: `loss` says by how much, little for few radial terms of low order.
+    On [-1, 1] the powers of t cancel each other. `loss` measures this; it is small for few radial terms of low order.
     """
     rows, coefficients, loss = [], [], 1.0
     for m, count, first in zip(series.m, series.count, series.offset, strict=True):
@@ -113,7 +113,7 @@ def power_rows(series: RadialSeries) -> PowerRows:
 def evaluate_series(
     series: RadialSeries, x: ArrayLike, y: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """W, dW/dx and dW/dy of a `RadialSeries` at unit-disk coordinates; the float64 twin of the device code.
+    """W, dW/dx and dW/dy of a `RadialSeries` at unit-disk coordinates, in float64.
 
     Each result has the broadcast shape of ``x`` and ``y``; the slopes are per unit-disk coordinate.
     """
