@@ -1,5 +1,6 @@
-// Accumulation straight into global memory by atomics: for GPUs, where thousands of work-items are under way and none can
-// own a tile; and for CPUs where a tile would be too large, or too large for the rays of a source. The same verbs as accumulate_tile.cl, the same sums bit for bit.
+// Accumulation directly into global memory by atomics. For GPUs, where thousands of work-items run at once and none can
+// own a tile; and for CPUs if a tile would not fit, or costs too much for the few rays of a source. The same verbs as
+// accumulate_tile.cl, and the same sums bit for bit.
 #include "window.cl"
 
 INLINE void hits_begin(Hits *hits) {}

@@ -1,5 +1,5 @@
-// No accumulation: for measuring what the others cost. Rays are traced to the end, forward ones counted by fate; what their
-// bins would be is kept alive by a sum, so that the compiler cannot leave the tracing out.
+// No accumulation: for measuring the cost of the others. Rays are traced to the end, and forward rays are counted by
+// fate. A sum over their bins keeps the compiler from removing the tracing.
 #include "window.cl"
 
 INLINE void hits_begin(Hits *hits) { hits->tile[0] = 0; }

@@ -1,7 +1,7 @@
 // Accumulation for CPUs: a work-item owns a tile in local memory (its core's cache), adds to it without atomics and
-// merges it into the transport once at the end. The same verbs as accumulate_atomic.cl, the same sums bit for bit.
-// Range of the tiles: a forward bin holds at most the work-item's rays, fewer than 2^32 (rays_per_item in tracer.py);
-// an adjoint bin that many weights of less than 2^31.
+// merges it into the transport once at the end. The same verbs as accumulate_atomic.cl, and the same sums bit for bit.
+// Range of the tiles: a forward bin holds at most the work-item's rays, fewer than 2^32 (MAX_RAYS_PER_ITEM on the
+// host); an adjoint bin at most that many weights below 2^31.
 #include "window.cl"
 
 // Forward: one screen pixel's hits, counted per detector pixel.

@@ -1,22 +1,24 @@
-// Where light is stored: the transport map's windows, bins [visible_pixel, window row, window column], and the ledger.
-// A visible_pixel is a detector pixel that can see the mirror; its window covers the screen pixels that can light it.
+// Where light is stored: the windows of the transport map, bins [visible pixel, window row, window column], and the
+// ledger. A visible pixel is a detector pixel that can see the mirror; its window covers the screen pixels that can
+// light it.
 #include "sum64.cl"
 
-// Forward: what one screen pixel sends, on its way into the windows of the detector pixels that it hits.
+// Forward: the light of one screen pixel, which goes into the windows of the detector pixels that it hits.
 typedef struct {
     const Launch *launch;
-    __global const int *visible_pixels;            // [detector pixels] visible_pixel, or -1: the pixel cannot see the mirror
-    __global const int2 *origins;         // [visible_pixels] first screen column and row of the window
+    __global const int *visible_pixels;   // [detector pixels] number of the visible pixel, or -1: cannot see the mirror
+    __global const int2 *origins;         // [visible pixels] first screen column and row of the window
     __global uint *transport;             // 64-bit sums
     __global uint *ledger;                // 64-bit sums
-    __local uint *tile;                   // [detector pixels], where the accumulation keeps one
+    __local uint *tile;                   // [detector pixels], if the accumulation uses a tile
     int column, row;                      // the screen pixel
 } Hits;
 
-// Adds count hits of a detector pixel to its window. Light outside the window is counted as such: the host turns a
-// count other than zero into an error or larger windows.
+// Adds count hits of a detector pixel to its window. Hits outside the window are counted as FATE_OFF_WINDOW: if there
+// are any, the host enlarges the windows or raises an error.
 INLINE void hits_store(const Hits *hits, int pixel, uint count) {
-    const int visible_pixel = hits->visible_pixels[pixel], columns = hits->launch->window_columns, rows = hits->launch->window_rows;
+    const int visible_pixel = hits->visible_pixels[pixel],
+              columns = hits->launch->window_columns, rows = hits->launch->window_rows;
     const int2 origin = visible_pixel < 0 ? (int2)(0) : hits->origins[visible_pixel];
     const int x = hits->column - origin.x, y = hits->row - origin.y;
     if (visible_pixel >= 0 && x >= 0 && x < columns && y >= 0 && y < rows)
@@ -25,11 +27,11 @@ INLINE void hits_store(const Hits *hits, int pixel, uint count) {
         sum64_add(hits->ledger, FATE_OFF_WINDOW, count);
 }
 
-// Adjoint: what one detector pixel receives. Its bins are the window's, then one for each fate.
+// Adjoint: the light of one detector pixel. Its bins are those of the window, then one for each fate.
 typedef struct {
-    __global uint *window;                // 64-bit sums: this visible_pixel's window in the transport
+    __global uint *window;                // 64-bit sums: this visible pixel's window in the transport
     __global uint *ledger;                // 64-bit sums
-    __local ulong *tile;                  // [bins], where the accumulation keeps one
+    __local ulong *tile;                  // [bins], if the accumulation uses a tile
     int window_bins, bins;
 } Light;
 

@@ -1,5 +1,5 @@
 // The arithmetic type: IEEE double precision, for reference runs and for scenes that single precision cannot hold.
-// real: a length, slope or direction cosine; mask: the integer type that a comparison of vectors of real yields.
+// real: a length, slope or direction cosine; mask: the integer type of a comparison of vectors of real.
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 #define REAL double
 #define MASK long

@@ -1,5 +1,5 @@
 // The arithmetic type: IEEE single precision.
-// real: a length, slope or direction cosine; mask: the integer type that a comparison of vectors of real yields.
+// real: a length, slope or direction cosine; mask: the integer type of a comparison of vectors of real.
 #define REAL float
 #define MASK int
 #define real_sqrt_scalar(x) __builtin_sqrtf(x)

@@ -1,4 +1,4 @@
-// Types for GPUs: one ray per work-item. The same verbs as simd_vector.cl.
+// Scalar types for GPUs: one ray per work-item. The same verbs as simd_vector.cl.
 #include "real_*.cl"
 
 #define INLINE inline
@@ -6,7 +6,7 @@
 
 typedef REAL real;
 typedef REAL realv;
-typedef int maskv;                        // 0 or 1, as comparisons give it
+typedef int maskv;                        // 0 or 1, as a comparison returns it
 typedef int intv;
 typedef uint uintv;
 typedef struct { realv x, y, z; } vec3v;
@@ -14,9 +14,9 @@ typedef struct { realv x, y, z; } vec3v;
 #define WORD_LANES 1
 typedef uint wordv;
 
-#define BLOCK 1                           // nothing to compact: a work-item bins each ray at once
+#define BLOCK 1                           // nothing to compact: a work-item bins each ray immediately
 #define BLOCK_VECTORS 1
-#define STACK_BLOCKS 16                    // that a ray can leave waiting
+#define STACK_BLOCKS 16                   // capacity of the ray stack in blocks
 
 #define to_real(v) ((real)(v))
 #define to_int(v) ((int)(v))

@@ -1,25 +1,25 @@
 // Vector types for CPUs: WIDTH rays side by side in one work-item (a build option: 8 or 16).
 //
-// Only operators and the compiler's own builtins are used on vectors, never library functions: some CPU drivers ship
-// their function library for another instruction set than the one they compile kernels for, and a 512-bit argument
-// then crosses that border in the wrong registers. CPU drivers all use Clang, whose vector types these are.
-#pragma clang diagnostic ignored "-Wpsabi"   // for the same reason: no vector ever crosses a call here
+// Only operators and compiler builtins are used on vectors, never library functions. Some CPU drivers build their
+// function library for another instruction set than the kernels, so a 512-bit argument would be passed in the wrong
+// registers. All CPU drivers use Clang, and these are its vector types.
+#pragma clang diagnostic ignored "-Wpsabi"   // no vector is ever passed to a call here
 #include "real_*.cl"
 
-#define INLINE inline __attribute__((always_inline))   // a helper that is called gets its vectors through memory
+#define INLINE inline __attribute__((always_inline))   // a real call would pass vectors through memory
 
 typedef REAL real;
 typedef REAL realv __attribute__((ext_vector_type(WIDTH)));
-typedef MASK maskv __attribute__((ext_vector_type(WIDTH)));   // 0 or -1 per lane, as comparisons give it
+typedef MASK maskv __attribute__((ext_vector_type(WIDTH)));   // 0 or -1 per lane, as a comparison returns it
 typedef int intv __attribute__((ext_vector_type(WIDTH)));
 typedef uint uintv __attribute__((ext_vector_type(WIDTH)));
 typedef struct { realv x, y, z; } vec3v;
 
-// Random words have their own width: two registers side by side hide the multiplier's latency.
+// Random words have their own width: working on two registers at once hides the multiplier's latency.
 #define WORD_LANES 16
 typedef uint16 wordv;
 
-// Rays between two compactions. All that is kept of a block (22 KiB) fits the L1 cache.
+// Rays between two compactions. The data of a block (22 KiB) fits the L1 cache.
 #define BLOCK 256
 #define BLOCK_VECTORS (BLOCK / WIDTH)
 
@@ -34,7 +34,7 @@ __constant uint lane_numbers[16] __attribute__((aligned(64))) = {0, 1, 2, 3, 4, 
 INLINE uintv lane_index(void) { return *(__constant uintv *)lane_numbers; }
 INLINE wordv word_index(void) { return *(__constant wordv *)lane_numbers; }
 
-#define STACK_BLOCKS 8   // that a block of rays can leave waiting (ray_stack_list.cl)
+#define STACK_BLOCKS 8   // capacity of the ray stack in blocks (ray_stack_list.cl)
 
 // Correctly rounded square root: one hardware instruction per register once the compiler has joined the lanes.
 INLINE realv real_sqrt(realv x) {
@@ -52,7 +52,7 @@ INLINE uint count_lanes(intv counts) {
     return count;
 }
 
-// The sum over the lanes of numbers from 0 to 2^31 - 1.
+// Sum over the lanes, for numbers from 0 to 2^31 - 1.
 INLINE ulong sum_lanes(intv a) {
     ulong sum = 0;
     for (int i = 0; i < WIDTH; ++i) sum += (uint)((int *)&a)[i];
@@ -79,15 +79,15 @@ INLINE int lowest_lane(ulong word) {
     return bit / 8 + bit % 8 * 8;
 }
 
-// The words' bits in opposite order.
+// The bits of each word in reverse order.
 INLINE wordv reverse_bits(wordv x) {
     wordv reversed;
     for (int i = 0; i < WORD_LANES; ++i) ((uint *)&reversed)[i] = __builtin_bitreverse32(((uint *)&x)[i]);
     return reversed;
 }
 
-// 32 x 32 -> 64 bit products. Even and odd lanes are multiplied apart: that is the hardware's own instruction, while a
-// vector mul_hi would be taken lane by lane.
+// 32 x 32 -> 64 bit products. Even and odd lanes are multiplied separately, which is one hardware instruction each; a
+// vector mul_hi would run lane by lane.
 INLINE void multiply_wide(wordv a, uint b, wordv *high, wordv *low) {
     const ulong8 pairs = as_ulong8(a);
     const ulong8 factor = (ulong8)((ulong)b);

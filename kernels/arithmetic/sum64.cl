@@ -1,7 +1,7 @@
-// 64-bit sums from 32-bit atomics, which every OpenCL device has: low word, then the carry. Addition of integers is
-// exact and its order does not matter, so neither does the order in which work-items arrive.
-// Range: a sum wraps at 2^64. Counts need that many rays; weights (2^24 per ray, at most 2^31) need 2^33 rays of the
-// largest weight in one bin of one replicate, 2^40 of the usual.
+// 64-bit sums from 32-bit atomics, which every OpenCL device has: low word first, then the carry. Integer addition is
+// exact, so the order in which work-items add does not matter.
+// Range: a sum wraps at 2^64. That takes 2^64 counted rays, or, in one bin of one replicate, 2^33 rays of the largest
+// weight (2^31) or 2^40 rays of the usual weight (2^24).
 #include "simd_*.cl"
 
 INLINE void sum64_add(__global uint *sums, size_t index, ulong amount) {

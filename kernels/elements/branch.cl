@@ -1,11 +1,11 @@
-// A ray at an interface is reflected or refracted by probability; the weight makes up for a probability that is not the reflectance
-// itself.
+// One branch of a ray at an interface, reflected or refracted, is chosen at random. The weight corrects for a
+// probability that differs from the reflectance.
 #include "interaction.cl"
 #include "uniform.cl"
 
 INLINE void roulette(__constant Element *element, Interaction *at, realv reflectance, vec3v refracted) {
     const realv least = element->least_chance;
-    // not of what is wholly one or the other: the weight would be nothing
+    // each branch gets at least this probability, unless the reflectance is exactly 0 or 1
     realv probability = reflectance < least ? (realv)(least) : reflectance;
     probability = ((probability > 1 - least) & (reflectance < 1)) ? (realv)(1 - least) : probability;
     probability = reflectance == 0 ? (realv)(0) : probability;

@@ -1,5 +1,5 @@
-// Both branches of a ray at an interface are followed, as long as the weaker one weighs enough and not too many rays wait
-// already; then one, by probability.
+// At an interface, both branches of a ray are followed if the weaker one weighs enough and the ray stack has room.
+// Otherwise one branch is chosen at random.
 #include "branch.cl"
 
 INLINE void branch(__constant Element *element, Interaction *at, realv reflectance, vec3v refracted) {

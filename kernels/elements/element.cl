@@ -1,13 +1,14 @@
 // Elements of a non-sequential trace: where a ray meets one. Frame: the element's own, +z its front. Unit: mm.
 //
-// A ray never meets the plane that it stands on, and of a quadric only the other root: no offset is needed. Of other
-// elements a root counts from -bound on, bound being the rounding of the numbers that it was taken from: touching surfaces
-// are not passed by. What touches the element just left, and was left before it, is passed over within that bound.
+// A ray never meets the plane that it stands on. Of a quadric that it stands on, it meets only the other root. So rays
+// need no offset. For other elements a root counts if the step exceeds -bound, where bound is the rounding error of the
+// step; so a ray does not miss a surface that touches its own. A ray that has just gone from one element to another
+// that touches it ignores the earlier one up to the same bound.
 #include "ray.cl"
 
 #define ROUNDING (8 * REAL_EPSILON)
 
-// A ray of vector v in an element's frame.
+// The rays of a vector in an element's frame.
 typedef struct { vec3v at, along; } LocalRay;
 
 INLINE realv dot3(vec3v a, vec3v b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
@@ -15,14 +16,15 @@ INLINE vec3v vector_along(vec3v at, realv step, vec3v along) {
     return (vec3v){at.x + step * along.x, at.y + step * along.y, at.z + step * along.z};
 }
 
-// From the origin of the rays' groups to the element, in its frame; size: how far that is.
+// What is added to positions relative to the rays' groups to get positions in the element's frame. size: the sum of its
+// magnitudes.
 typedef struct { vec3v to; realv size; } Offset;
 
 INLINE Offset group_offset(__constant Element *element, intv group) {
     const int first = ((const int *)&group)[0], groups = sizeof(element->offset) / sizeof(element->offset[0]);
     __constant real *of_first = element->offset[first];
     Offset offset = {{of_first[0], of_first[1], of_first[2]}, of_first[3]};
-    if (!any_lane(to_mask(group != first))) return offset;   // as nearly always
+    if (!any_lane(to_mask(group != first))) return offset;   // nearly always
     for (int g = 0; g < groups; ++g) {
         const maskv of_group = to_mask(group == g);
         offset.to.x = of_group ? (realv)(element->offset[g][0]) : offset.to.x;
@@ -33,7 +35,7 @@ INLINE Offset group_offset(__constant Element *element, intv group) {
     return offset;
 }
 
-// One coordinate of the rays of vector v in an element's frame, by the axis: of their positions, of their directions.
+// One coordinate, along an axis of an element, of the positions or directions of the rays of vector v.
 INLINE realv position_along(__constant real *axis, const Rays *rays, int v) {
     return axis[0] * rays->x[v] + axis[1] * rays->y[v] + axis[2] * rays->z[v];
 }
@@ -53,16 +55,16 @@ INLINE LocalRay element_ray(__constant Element *element, const Rays *rays, int v
 
 INLINE maskv element_contains(__constant Element *element, realv u, realv v) {
     const realv radius2 = u * u + v * v;
-    return (radius2 <= element->outer2) & (radius2 >= element->inner2) & (u <= element->half_u) & (-u <= element->half_u) &
-           (v <= element->half_v) & (-v <= element->half_v);
+    return (radius2 <= element->outer2) & (radius2 >= element->inner2) & (u <= element->half_u) &
+           (-u <= element->half_u) & (v <= element->half_v) & (-v <= element->half_v);
 }
 
-// Steps below which a crossing is where the ray stands: the rounding of the numbers that it is taken from.
+// Rounding error of a step. A crossing at a smaller step cannot be distinguished from the ray's own position.
 INLINE realv element_bound(const Rays *rays, int v, const Offset *offset) {
     return (real)ROUNDING * (rays->l1_norm[v] + offset->size);
 }
 
-// Takes the step to an element if it is nearer than the nearest so far, in front of the ray, and not excluded.
+// Takes the step to an element if it is the nearest so far, in front of the ray, and not excluded.
 INLINE void element_offer(const Rays *rays, int v, int number, realv step, realv bound, maskv meets, realv *nearest,
                           intv *element) {
     const maskv passed = to_mask(rays->before[v] == number) & (step <= bound);
@@ -73,8 +75,9 @@ INLINE void element_offer(const Rays *rays, int v, int number, realv step, realv
 
 INLINE void meet_plane(__constant Element *element, const Rays *rays, int v, int number, realv *nearest, intv *which) {
     const Offset offset = group_offset(element, rays->group[v]);
-    // parallel: infinite or NaN, which no comparison takes
-    const realv step = -(position_along(element->axis_z, rays, v) + offset.to.z) / direction_along(element->axis_z, rays, v);
+    // infinite or NaN if parallel: every comparison below rejects it
+    const realv step = -(position_along(element->axis_z, rays, v) + offset.to.z)
+                       / direction_along(element->axis_z, rays, v);
     const realv bound = element_bound(rays, v, &offset);
     const maskv ahead = (step > -bound) & (step < *nearest) & to_mask(rays->last[v] != number);
     if (!any_lane(ahead)) return;
@@ -89,16 +92,17 @@ INLINE realv quadric_form(__constant Element *element, vec3v a, vec3v b) {
            element->q_xz * (a.x * b.z + a.z * b.x);
 }
 
-// Whether a point of the quadric belongs to the surface: its normal points to the front, it lies in the aperture.
+// Whether a point of the quadric belongs to the element: its normal points to the front and it lies in the aperture.
 INLINE maskv quadric_holds(__constant Element *element, vec3v point) {
     return (element->q_zz * point.z + element->q_xz * point.x < 1) & element_contains(element, point.x, point.y);
 }
 
-INLINE void meet_quadric(__constant Element *element, const Rays *rays, int v, int number, realv *nearest, intv *which) {
+INLINE void meet_quadric(__constant Element *element, const Rays *rays, int v, int number, realv *nearest,
+                         intv *which) {
     const Offset offset = group_offset(element, rays->group[v]);
     const LocalRay ray = element_ray(element, rays, v, &offset);
     const maskv stands = to_mask(rays->last[v] == number);
-    // From the point next to the vertex all numbers are of the element's size, however far the ray comes.
+    // Start at the ray's point nearest the vertex: all numbers then have the element's size, however far the source is.
     const realv back = stands ? (realv)(0) : -dot3(ray.at, ray.along);
     const vec3v base = vector_along(ray.at, back, ray.along);
     const realv a = quadric_form(element, ray.along, ray.along);
@@ -108,21 +112,23 @@ INLINE void meet_quadric(__constant Element *element, const Rays *rays, int v, i
     const realv sum = b < 0 ? root - b : -root - b;
     const realv bound = element_bound(rays, v, &offset);
     const realv first = c / sum, second = sum / a;   // no root: NaN; a = 0: infinite
-    element_offer(rays, v, number, back + first, bound, !stands & quadric_holds(element, vector_along(base, first, ray.along)),
-                  nearest, which);
+    element_offer(rays, v, number, back + first, bound,
+                  !stands & quadric_holds(element, vector_along(base, first, ray.along)), nearest, which);
     element_offer(rays, v, number, back + second, stands ? -bound : bound,
                   quadric_holds(element, vector_along(base, second, ray.along)), nearest, which);
 }
 
-// Where a ray that met the element stands on it, and the unit normal towards the front there.
+// The point where a ray met the element, and the unit normal there, towards the front.
 INLINE vec3v plane_point(__constant Scene *scene, __constant Element *element, const LocalRay *ray, realv step) {
     vec3v point = vector_along(ray->at, step, ray->along);
     point.z = 0;
     return point;
 }
-INLINE vec3v plane_normal(__constant Scene *scene, __constant Element *element, vec3v point) { return (vec3v){0, 0, 1}; }
+INLINE vec3v plane_normal(__constant Scene *scene, __constant Element *element, vec3v point) {
+    return (vec3v){0, 0, 1};
+}
 
-// The point is put onto the surface along z: the step's own rounding is that of the way.
+// The point is moved onto the surface along z, because the step's rounding error grows with its length.
 INLINE vec3v quadric_point(__constant Scene *scene, __constant Element *element, const LocalRay *ray, realv step) {
     vec3v point = vector_along(ray->at, step, ray->along);
     const realv b = 1 - element->q_xz * point.x;

@@ -1,9 +1,11 @@
-// The mirror as made, as an element: its design's quadric with a Zernike deviation along z. Frame: the mirror's, mm.
+// The mirror as made, as an element: the design's quadric plus a Zernike deviation along z. Frame: the mirror's. Unit:
+// mm.
 #include "element.cl"
 #include "zernike_*.cl"
 
-// The deviation is a thousandth of what the element's rim is told by: rays meet the design.
-INLINE void meet_deviated(__constant Element *element, const Rays *rays, int v, int number, realv *nearest, intv *which) {
+// Rays meet the design: the deviation is far too small to change which element is nearest.
+INLINE void meet_deviated(__constant Element *element, const Rays *rays, int v, int number, realv *nearest,
+                          intv *which) {
     meet_quadric(element, rays, v, number, nearest, which);
 }
 

@@ -1,4 +1,4 @@
-// An absorber: baffles, stops, walls. Black on both sides.
+// An absorber, such as a baffle, a stop or a wall. It is black on both sides.
 #include "interaction.cl"
 
 INLINE void interact_absorber(__constant Element *element, Interaction *at) {

@@ -1,4 +1,4 @@
-// The detector: light from the front ends in its pixels (tally.cl records it), its back is black.
+// The detector: light from the front ends in its pixels (tally.cl records it). Its back is black.
 #include "interaction.cl"
 
 INLINE void interact_detector(__constant Element *element, Interaction *at) {

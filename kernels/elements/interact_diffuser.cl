@@ -1,4 +1,4 @@
-// A wall: an absorber that scatters, on both sides, about the direction of a mirror. What does not scatter is absorbed.
+// A diffuser: scatters on both sides about the specular direction. Light that does not scatter is absorbed.
 #include "interaction.cl"
 
 INLINE void interact_diffuser(__constant Element *element, Interaction *at) {

@@ -1,5 +1,5 @@
-// A paraxial lens in the element's plane z = 0: at (a, b) it takes slopes (p, q) to (p - a / f, q - b / f), from either
-// side. Slopes are against the direction of travel. Frame: the element's, mm.
+// A paraxial lens in the element's plane z = 0: at (a, b) it turns slopes (p, q) into (p - a / f, q - b / f), for light
+// from either side. Slopes are per length along the direction of travel. Frame: the element's. Unit: mm.
 #include "interaction.cl"
 
 INLINE void interact_lens(__constant Element *element, Interaction *at) {

@@ -1,4 +1,4 @@
-// A mirror: reflects what comes from the front. Its back is black.
+// A mirror: reflects light from the front. Its back is black.
 #include "interaction.cl"
 
 INLINE void interact_mirror(__constant Element *element, Interaction *at) {

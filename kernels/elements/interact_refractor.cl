@@ -1,8 +1,8 @@
-// An interface between two media, bare or with a coating of given reflectance.
+// An interface between two media, bare or with a given reflectance.
 #include "refraction.cl"
 #include "branch_*.cl"
 
-// Of unpolarised light.
+// Reflectance for unpolarised light.
 INLINE realv refractor_reflectance(__constant Element *element, const Refraction *r) {
     const realv s = amplitude_s(r->index_in, r->index_out, r->cosine_in, r->cosine_out);
     const realv p = amplitude_p(r->index_in, r->index_out, r->cosine_in, r->cosine_out);

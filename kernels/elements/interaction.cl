@@ -1,10 +1,10 @@
-// What the interact_* files share: rays of a vector at one element, on their way through it. Frame: the element's. mm.
+// Shared by the interact_* files: the rays of a vector at one element. Frame: the element's. Unit: mm.
 #include "element.cl"
 
-// point, normal (unit, towards the front), along: of a ray where it meets the element; goes: its direction afterwards.
-// arriving: its weight before; weight: what that is multiplied by; absorbed: the share of it that stays there. parts:
-// weight of a second ray, mirrored, that parts from it here; room: whether rays may part, 0 where too many wait. event:
-// what happens. ends: it goes no further. draw: a random word.
+// point, normal (unit, towards the front), along: where a ray meets the element, and its direction there; goes: its
+// direction afterwards. arriving: its weight before; weight: factor on that weight; absorbed: share of it that stays
+// here. split: share of it in a second, mirrored ray that splits off here; room: whether rays may split, 0 if too many
+// wait. event: the EVENT_* that happens. ends: the ray stops here. draw: a random word.
 typedef struct {
     vec3v point, normal, along, goes;
     realv arriving, weight, absorbed, split;
@@ -17,7 +17,7 @@ INLINE vec3v blend3(maskv mask, vec3v yes, vec3v no) {
     return (vec3v){mask ? yes.x : no.x, mask ? yes.y : no.y, mask ? yes.z : no.z};
 }
 
-// Direction of a mirrored ray; all unit vectors.
+// Direction of a mirrored ray. All are unit vectors.
 INLINE vec3v mirrored(vec3v along, vec3v normal) { return vector_along(along, -2 * dot3(along, normal), normal); }
 
 INLINE vec3v to_world(__constant Element *element, vec3v a) {
@@ -26,7 +26,7 @@ INLINE vec3v to_world(__constant Element *element, vec3v a) {
                    x[2] * a.x + y[2] * a.y + z[2] * a.z};
 }
 
-// One ray of a vector.
+// A vector in space for one ray: lane k of a vec3v.
 typedef struct { real x, y, z; } vec3s;
 
 INLINE vec3s lane_of(vec3v a, int k) {

@@ -1,11 +1,12 @@
-// An interface between two media: Snell's law, and what a bare one reflects by Fresnel's.
+// An interface between two media: Snell's law and Fresnel's amplitudes. Frame: the element's.
+// M. Born, E. Wolf, Principles of Optics, section 1.5.
 #include "interaction.cl"
 
-// A ray at an interface: indices and cosines on its own side and beyond; total: all of it is reflected.
+// A ray at an interface: refractive index and cosine on the incoming side and beyond; total: total reflection.
 typedef struct {
     realv index_in, index_out, cosine_in, cosine_out;
     maskv total;
-    vec3v beyond;   // its direction there
+    vec3v beyond;   // refracted direction
 } Refraction;
 
 INLINE Refraction refract(__constant Element *element, const Interaction *at) {
@@ -25,7 +26,7 @@ INLINE Refraction refract(__constant Element *element, const Interaction *at) {
     return r;
 }
 
-// Fresnel's amplitudes at an interface, by the cosines of the angles on both sides: of s and of p.
+// Fresnel's reflection amplitudes for s and p polarisation, from the cosines of the angles on both sides.
 INLINE realv amplitude_s(realv index_in, realv index_out, realv cosine_in, realv cosine_out) {
     return (index_in * cosine_in - index_out * cosine_out) / (index_in * cosine_in + index_out * cosine_out);
 }

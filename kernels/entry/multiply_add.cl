@@ -1,11 +1,11 @@
-// Benchmark only: multiply-adds and nothing else, the most that a device can do.
+// Benchmark only: multiply-adds and nothing else, the peak rate of a device.
 #include "simd_*.cl"
 
-// Independent chains: enough to hide the latency of two units, few enough to stay in 16 registers (with 16 chains the
-// kernel reached half of this).
+// Independent chains: enough to hide the latency of two units, few enough to fit 16 registers. With 16 chains the
+// kernel reached half this rate.
 #define CHAINS 12
 
-// Parameters: steps; result [grid 0]: keeps every lane of the sums alive.
+// Parameters: steps; result [grid 0]: sums of all lanes, so that the compiler keeps the work.
 // Grid: (any number of work-items, 1). Each does steps x CHAINS x WIDTH multiply-adds.
 __kernel void multiply_add(const uint steps, __global real *result) {
     realv chain[CHAINS];

@@ -1,13 +1,12 @@
-// Probe: adjoint paths of given random words, written out. For checks of single rays (irtscots_cl/stability/, precision),
-// never for a run. Frames as in path_forward.cl. Unit: mm.
+// Probe: writes out adjoint paths of given random words. For checks of single rays by irtscots_cl/stability/ only.
+// Frames as in path_forward.cl. Unit: mm.
 #include "path_adjoint.cl"
 
 #define PATH_FIELDS 8
 
-// Parameters: receivers [grid 0]; words [grid 0][DIMENSIONS][BLOCK]; paths [grid 0][PATH_FIELDS][BLOCK]: the unit disk's
-// point that the words give, mirror point in the world's frame, landing point in the screen's frame, weight;
-// marks [grid 0][2][BLOCK]: met the mirror, runs towards the screen.
-// Grid: (blocks of rays, 1).
+// Parameters: receivers [grid 0]; words [grid 0][DIMENSIONS][BLOCK]; paths [grid 0][PATH_FIELDS][BLOCK]: the unit
+// disk's point from the words, mirror point in the world's frame, landing point in the screen's frame, weight; marks
+// [grid 0][2][BLOCK]: met the mirror, runs towards the screen. Grid: (blocks of rays, 1).
 __kernel void probe_adjoint(__constant Scene *scene, __global const Receiver *receivers, __global const uint *words,
                             __global real *paths, __global int *marks) {
     const Receiver receiver = receivers[get_global_id(0)];
@@ -27,7 +26,8 @@ __kernel void probe_adjoint(__constant Scene *scene, __global const Receiver *re
         const realv values[PATH_FIELDS] = {x, y, met.point.x, met.point.y, met.point.z, at_u, at_v, weight};
         const intv masks[2] = {to_int(met.on_mirror), to_int(ahead)};
         for (int lane = 0; lane < WIDTH; ++lane) {
-            for (int i = 0; i < PATH_FIELDS; ++i) path[i * BLOCK + v * WIDTH + lane] = ((const real *)&values[i])[lane];
+            for (int i = 0; i < PATH_FIELDS; ++i)
+                path[i * BLOCK + v * WIDTH + lane] = ((const real *)&values[i])[lane];
             for (int i = 0; i < 2; ++i) mark[i * BLOCK + v * WIDTH + lane] = ((const int *)&masks[i])[lane] & 1;
         }
     }

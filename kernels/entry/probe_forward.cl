@@ -1,13 +1,13 @@
-// Probe: forward paths of given random words, written out. For checks of single rays (irtscots_cl/stability/, precision),
-// never for a run. Frames as in path_forward.cl. Unit: mm.
+// Probe: writes out forward paths of given random words. For checks of single rays by irtscots_cl/stability/ only.
+// Frames as in path_forward.cl. Unit: mm.
 #include "path_forward.cl"
 #include "detector.cl"
 
 #define PATH_FIELDS 9
 
 // Parameters: emitters [grid 0]; words [grid 0][DIMENSIONS][BLOCK]; paths [grid 0][PATH_FIELDS][BLOCK]: the unit disk's
-// point that the words give, mirror point in the world's frame, position and slopes at the aperture in the camera's frame;
-// marks [grid 0][3][BLOCK]: met the mirror, came through the aperture, detector pixel or -1.
+// point from the words, mirror point in the world's frame, position and slopes at the aperture in the camera's frame;
+// marks [grid 0][3][BLOCK]: met the mirror, passed the aperture, detector pixel or -1.
 // Grid: (blocks of rays, 1).
 __kernel void probe_forward(__constant Scene *scene, __global const Emitter *emitters, __global const uint *words,
                             __global real *paths, __global int *marks) {
@@ -34,7 +34,8 @@ __kernel void probe_forward(__constant Scene *scene, __global const Emitter *emi
             for (int i = 0; i < PATH_FIELDS; ++i) path[i * BLOCK + ray] = ((const real *)&values[i])[lane];
             for (int i = 0; i < 2; ++i) mark[i * BLOCK + ray] = ((const int *)&masks[i])[lane] & 1;
             mark[2 * BLOCK + ray] = detector_pixel(scene, ((const real *)&at.a)[lane], ((const real *)&at.b)[lane],
-                                                   ((const real *)&at.slope_a)[lane], ((const real *)&at.slope_b)[lane]);
+                                                   ((const real *)&at.slope_a)[lane],
+                                                   ((const real *)&at.slope_b)[lane]);
         }
     }
 }

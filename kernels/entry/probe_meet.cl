@@ -1,5 +1,5 @@
-// Probe: single lines to the mirror and on to the screen, written out. For checks of the arithmetic that the estimators
-// share (irtscots_cl/stability/), never for a run. Frames: the mirror's; u, v the screen's. Unit: mm.
+// Probe: traces single lines to the mirror and to the screen, and writes out the results. For checks of the estimators'
+// shared arithmetic by irtscots_cl/stability/ only. Frames: the mirror's; u, v in the screen's. Unit: mm.
 #include "arrival_*.cl"
 
 #define LINE_FIELDS 4
@@ -13,7 +13,8 @@ __kernel void probe_meet(__constant Scene *scene, __global const real *lines, __
     const size_t item = get_global_id(0);
     realv given[LINE_FIELDS];
     for (int i = 0; i < LINE_FIELDS; ++i)
-        for (int lane = 0; lane < WIDTH; ++lane) ((real *)&given[i])[lane] = lines[(item * LINE_FIELDS + i) * WIDTH + lane];
+        for (int lane = 0; lane < WIDTH; ++lane)
+            ((real *)&given[i])[lane] = lines[(item * LINE_FIELDS + i) * WIDTH + lane];
     const Line line = {given[0], given[1], given[2], given[3]};
     Meeting at = mirror_meet(scene, &line);
     mirror_deviate(scene, &line, &at);
@@ -23,7 +24,8 @@ __kernel void probe_meet(__constant Scene *scene, __global const real *lines, __
     const realv values[MET_FIELDS] = {at.point.x, at.point.y, at.point.z, normal.x, normal.y, normal.z, u, v};
     const intv masks[2] = {to_int(at.on_mirror), to_int(ahead)};
     for (int lane = 0; lane < WIDTH; ++lane) {
-        for (int i = 0; i < MET_FIELDS; ++i) met[(item * MET_FIELDS + i) * WIDTH + lane] = ((const real *)&values[i])[lane];
+        for (int i = 0; i < MET_FIELDS; ++i)
+            met[(item * MET_FIELDS + i) * WIDTH + lane] = ((const real *)&values[i])[lane];
         for (int i = 0; i < 2; ++i) marks[(item * 2 + i) * WIDTH + lane] = ((const int *)&masks[i])[lane] & 1;
     }
 }

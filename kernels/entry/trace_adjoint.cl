@@ -1,8 +1,10 @@
-// Adjoint estimator: rays leave a detector pixel through the aperture and are summed where they l1_norm the screen.
+// Adjoint estimator: rays leave a detector pixel through the aperture and are summed where they reach the screen.
+// Frames and stages as in path_adjoint.cl. Unit: mm.
+#include "work_item.cl"
 #include "path_adjoint.cl"
 #include "accumulate_*.cl"
 
-// A block of rays between its passes (short ones: see trace_forward.cl).
+// A block of rays between its passes. trace_forward.cl says why the passes are short.
 typedef struct {
     Words words;
     Line lines[BLOCK_VECTORS];
@@ -11,7 +13,7 @@ typedef struct {
     intv bin[BLOCK_VECTORS], amount[BLOCK_VECTORS];
 } Block;
 
-// The bin of a ray: in the window, or the fate's behind it.
+// The bin of a ray: a bin of the window, or the bin of its fate. Fate bins follow the window's.
 INLINE maskv ray_bin(__constant Scene *scene, const Launch *launch, const Receiver *receiver, const Line *line,
                      const Meeting *met) {
     realv u, v;
@@ -29,7 +31,7 @@ INLINE maskv ray_bin(__constant Scene *scene, const Launch *launch, const Receiv
     return met->on_mirror ? bin : (maskv)(fates + FATE_MISSED_MIRROR);
 }
 
-// First passes, branch-free: bins and amounts of a block of rays. Rays count as one in the bins of the fates.
+// First passes, branch-free: bins and amounts of a block of rays. A ray counts as one in a fate's bin.
 INLINE void block_trace(Block *block, __constant Scene *scene, const Launch *launch, const Receiver *receiver,
                         Sampler *sampler, ulong first) {
     const int window_bins = launch->window_columns * launch->window_rows;
@@ -46,24 +48,24 @@ INLINE void block_trace(Block *block, __constant Scene *scene, const Launch *lau
     }
 }
 
-// Parameters: receivers [visible_pixels]; transport, ledger: 64-bit sums.
-// Grid: (visible_pixels of this launch, parts of its rays). A work-item traces rays_per_item rays of one detector pixel.
-// Assumes: transport and ledger zeroed before the replicate's first launch; windows lie inside the screen.
+// Parameters: receivers [visible pixels]; transport, ledger: 64-bit sums.
+// Grid: (visible pixels of this launch, runs of its rays). A work-item traces rays_per_item rays of one detector pixel.
+// Assumes: transport and ledger were zeroed before the replicate's first launch; windows lie inside the screen.
 __kernel void trace_adjoint(__constant Scene *scene, const Launch launch, __global const Receiver *receivers,
                             __global uint *transport, __global uint *ledger, __local ulong *tile) {
-    const uint visible_pixel = launch.first_source + get_global_id(0);
-    const ulong begin = launch.first_ray + get_global_id(1) * launch.rays_per_item;
-    const ulong end = min(begin + launch.rays_per_item, launch.first_ray + launch.ray_count);
+    const WorkItem item = work_item(&launch);
+    const uint visible_pixel = item.source;
     const Receiver receiver = receivers[visible_pixel];
     const int window_bins = launch.window_columns * launch.window_rows;
-    Light light = {transport + 2 * (size_t)visible_pixel * window_bins, ledger, tile, window_bins, window_bins + FATE_COUNT};
+    Light light = {transport + 2 * (size_t)visible_pixel * window_bins, ledger, tile, window_bins,
+                   window_bins + FATE_COUNT};
     Sampler sampler;
     sampler_begin(&sampler, &launch, receiver.pixel);
     Block block;
 
     light_begin(&light);
-    for (ulong first = begin; first < end; first += BLOCK) {
-        const int count = (int)min(end - first, (ulong)(BLOCK));
+    for (ulong first = item.begin; first < item.end; first += BLOCK) {
+        const int count = (int)min(item.end - first, (ulong)(BLOCK));
         block_trace(&block, scene, &launch, &receiver, &sampler, first);
         for (int j = 0; j < count; ++j) light_add(&light, ((int *)block.bin)[j], ((int *)block.amount)[j]);
     }

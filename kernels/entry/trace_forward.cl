@@ -1,21 +1,23 @@
 // Forward estimator: rays leave the screen, aimed at the mirror, and are counted where they land on the detector.
+// Frames and stages as in path_forward.cl. Unit: mm.
+#include "work_item.cl"
 #include "path_forward.cl"
 #include "detector.cl"
 #include "accumulate_*.cl"
 
-// A block of rays between its passes. Passes are short on purpose: a path is one long chain of dependent operations, and
-// only in a short loop does a processor see enough rays at a time to keep its units busy (docs/performance.md).
+// A block of rays between its passes. Passes are short on purpose. A path is one long chain of dependent operations; a
+// processor sees enough rays at a time to keep its units busy only if the loop is short (docs/performance.md).
 typedef struct {
     Words words;
     Direction aims[BLOCK_VECTORS];
     Line lines[BLOCK_VECTORS];
     Meeting meetings[BLOCK_VECTORS];
     Arrival arrivals[BLOCK_VECTORS];
-    ulong through[BLOCK_VECTORS];         // lanes that came through the camera's aperture, as mask_word gives them
+    ulong through[BLOCK_VECTORS];         // lanes that passed the camera's aperture, from mask_word
     intv on_mirror, clipped;              // counts per lane
 } Block;
 
-// First passes, branch-free: all rays of the block to the camera's aperture.
+// First passes, branch-free: trace all rays of the block to the camera's aperture.
 INLINE void block_trace(Block *block, __constant Scene *scene, const Emitter *emitter, Sampler *sampler, ulong first,
                         uint count) {
     sampler_block(sampler, first, &block->words);
@@ -34,7 +36,7 @@ INLINE void block_trace(Block *block, __constant Scene *scene, const Emitter *em
     }
 }
 
-// Last pass: only the rays that came through the aperture. Returns how many of them landed on the detector.
+// Last pass: only the rays that passed the aperture. Returns how many of them landed on the detector.
 INLINE uint block_detect(const Block *block, __constant Scene *scene, Hits *hits, uint *off_detector) {
     uint through = 0, detected = 0;
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
@@ -52,15 +54,15 @@ INLINE uint block_detect(const Block *block, __constant Scene *scene, Hits *hits
     return detected;
 }
 
-// Parameters: emitters [screen pixels]; visible_pixels [detector pixels]; origins [visible_pixels]; transport, ledger: 64-bit sums.
-// Grid: (screen pixels of this launch, parts of its rays). A work-item traces rays_per_item rays of one screen pixel.
-// Assumes: transport and ledger zeroed before the replicate's first launch.
+// Parameters: emitters [screen pixels]; visible_pixels [detector pixels]; origins [visible pixels]; transport, ledger:
+// 64-bit sums.
+// Grid: (screen pixels of this launch, runs of its rays). A work-item traces rays_per_item rays of one screen pixel.
+// Assumes: transport and ledger were zeroed before the replicate's first launch.
 __kernel void trace_forward(__constant Scene *scene, const Launch launch, __global const Emitter *emitters,
                             __global const int *visible_pixels, __global const int2 *origins, __global uint *transport,
                             __global uint *ledger, __local uint *tile) {
-    const uint source = launch.first_source + get_global_id(0);
-    const ulong begin = launch.first_ray + get_global_id(1) * launch.rays_per_item;
-    const ulong end = min(begin + launch.rays_per_item, launch.first_ray + launch.ray_count);
+    const WorkItem item = work_item(&launch);
+    const uint source = item.source;
     const Emitter emitter = emitters[source];
     Hits hits = {&launch, visible_pixels, origins, transport, ledger, tile,
                  source % launch.screen_columns, source / launch.screen_columns};
@@ -71,8 +73,8 @@ __kernel void trace_forward(__constant Scene *scene, const Launch launch, __glob
     uint detected = 0, off_detector = 0;
 
     hits_begin(&hits);
-    for (ulong first = begin; first < end; first += BLOCK) {
-        const uint count = (uint)min(end - first, (ulong)(BLOCK));
+    for (ulong first = item.begin; first < item.end; first += BLOCK) {
+        const uint count = (uint)min(item.end - first, (ulong)(BLOCK));
         block_trace(&block, scene, &emitter, &sampler, first, count);
         detected += block_detect(&block, scene, &hits, &off_detector);
     }
@@ -80,7 +82,7 @@ __kernel void trace_forward(__constant Scene *scene, const Launch launch, __glob
 
     const uint on_mirror = count_lanes(block.on_mirror), clipped = count_lanes(block.clipped);
     sum64_add(ledger, FATE_DETECTED, detected);
-    sum64_add(ledger, FATE_MISSED_MIRROR, (uint)(end - begin) - on_mirror);
+    sum64_add(ledger, FATE_MISSED_MIRROR, (uint)(item.end - item.begin) - on_mirror);
     sum64_add(ledger, FATE_CLIPPED, clipped);
     sum64_add(ledger, FATE_OFF_DETECTOR, off_detector);
     sum64_add(ledger, FATE_FAILED, on_mirror - clipped - detected - off_detector);

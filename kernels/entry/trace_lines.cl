@@ -1,14 +1,16 @@
-// Smoothed adjoint estimator: a ray stands for its whole chord through the camera's aperture, which lands on the screen
-// as a short straight piece, and is summed by lines in closed form: light curves with far less noise, and no map.
+// Smoothed adjoint estimator: a ray stands for its whole chord through the camera's aperture. The chord lands on the
+// screen as a short straight piece and is summed by lines in closed form. This gives light curves with far less noise,
+// but no map. Frames and stages as in path_adjoint.cl. Unit: mm.
 //
-// Along x the chord follows the direction on the aperture in which the landing point moves along the screen's x alone, and
-// along y likewise: two chords through the ray's aperture point, one for each scan. Conditional on its chord a ray's point
-// is uniform along it, so summing the chord instead of the point leaves every mean as it is.
+// Each ray has two chords through its aperture point, one for each scan. Along the chord for x, the landing point moves
+// along the screen's x alone; likewise for y. Given its chord, a ray's point is uniform along it, so summing the chord
+// instead of the point leaves every mean unchanged.
+#include "work_item.cl"
 #include "path_adjoint.cl"
 #include "chord.cl"
 #include "accumulate_*.cl"
 
-// A block of rays between its passes (short ones: see trace_forward.cl).
+// A block of rays between its passes. trace_forward.cl says why the passes are short.
 typedef struct {
     Words words;
     Line lines[BLOCK_VECTORS];
@@ -18,7 +20,7 @@ typedef struct {
     Ramp ramps[2][BLOCK_VECTORS];         // along x, along y
 } Block;
 
-// Vector v of a block, from the mirror to the screen: its ramps and fates.
+// Traces vector v of a block from the mirror to the screen: sets its ramps and fates.
 INLINE void lines_arrive(Block *block, __constant Scene *scene, const Launch *launch, const LineReceiver *receiver,
                          int v) {
     const Meeting *met = &block->meetings[v];
@@ -31,10 +33,11 @@ INLINE void lines_arrive(Block *block, __constant Scene *scene, const Launch *la
     const maskv column_on = ahead & (x >= -receiver->start.column)
                             & (x < launch->screen_columns - receiver->start.column);
     const realv weight = block->weight[v] * receiver->start.weight_scale;
-    maskv beyond = chord_ramp(scene, &receiver->chords[0], met, a, b, x, row_on ? weight : (realv)(0), receiver->start.column,
-                              launch->window_columns, launch->screen_columns, &block->ramps[0][v]);
-    beyond |= chord_ramp(scene, &receiver->chords[1], met, a, b, y, column_on ? weight : (realv)(0), receiver->start.row,
-                         launch->window_rows, launch->screen_rows, &block->ramps[1][v]);
+    maskv beyond = chord_ramp(scene, &receiver->chords[0], met, a, b, x, row_on ? weight : (realv)(0),
+                              receiver->start.column, launch->window_columns, launch->screen_columns,
+                              &block->ramps[0][v]);
+    beyond |= chord_ramp(scene, &receiver->chords[1], met, a, b, y, column_on ? weight : (realv)(0),
+                         receiver->start.row, launch->window_rows, launch->screen_rows, &block->ramps[1][v]);
     maskv fate = row_on & column_on ? (maskv)(FATE_DETECTED) : (maskv)(FATE_OFF_SCREEN);
     fate = at_u != at_u ? (maskv)(FATE_FAILED) : fate;
     fate = met->on_mirror ? fate : (maskv)(FATE_MISSED_MIRROR);
@@ -64,15 +67,14 @@ INLINE void ramp_add(Light *light, const Ramp *ramps, int j, int first) {
     }
 }
 
-// Parameters: receivers [visible_pixels]; transport: 64-bit sums [visible_pixels][window columns + 2 + window rows + 2], second differences
-// of the light below each line's edge, along x then along y; ledger: 64-bit sums.
-// Grid: (visible_pixels of this launch, parts of its rays). A work-item traces rays_per_item rays of one detector pixel.
-// Assumes: transport and ledger zeroed before the replicate's first launch; windows lie inside the screen.
+// Parameters: receivers [visible pixels]; transport: 64-bit sums [visible pixels][window columns + 2 + window rows +
+// 2], second differences of the light below each line's edge, along x then along y; ledger: 64-bit sums. Grid: (visible
+// pixels of this launch, runs of its rays). A work-item traces rays_per_item rays of one detector pixel. Assumes:
+// transport and ledger were zeroed before the replicate's first launch; windows lie inside the screen.
 __kernel void trace_lines(__constant Scene *scene, const Launch launch, __global const LineReceiver *receivers,
                           __global uint *transport, __global uint *ledger, __local ulong *tile) {
-    const uint visible_pixel = launch.first_source + get_global_id(0);
-    const ulong begin = launch.first_ray + get_global_id(1) * launch.rays_per_item;
-    const ulong end = min(begin + launch.rays_per_item, launch.first_ray + launch.ray_count);
+    const WorkItem item = work_item(&launch);
+    const uint visible_pixel = item.source;
     const LineReceiver receiver = receivers[visible_pixel];
     const int of_x = launch.window_columns + 2, bins = of_x + launch.window_rows + 2;
     Light light = {transport + 2 * (size_t)visible_pixel * bins, ledger, tile, bins, bins + FATE_COUNT};
@@ -81,8 +83,8 @@ __kernel void trace_lines(__constant Scene *scene, const Launch launch, __global
     Block block;
 
     light_begin(&light);
-    for (ulong first = begin; first < end; first += BLOCK) {
-        const int count = (int)min(end - first, (ulong)(BLOCK));
+    for (ulong first = item.begin; first < item.end; first += BLOCK) {
+        const int count = (int)min(item.end - first, (ulong)(BLOCK));
         block_trace(&block, scene, &launch, &receiver, &sampler, first);
         for (int j = 0; j < count; ++j) {
             const int fate = ((int *)block.fate)[j];

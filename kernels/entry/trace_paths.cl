@@ -1,13 +1,14 @@
-// Non-sequential estimator: rays leave the screen, aimed at the mirror, and go from element to element in whatever order
-// they meet them, until they end. What ends on the detector is kept by path and by class of path.
+// Non-sequential estimator: rays leave the screen, aimed at the mirror, and follow elements in the order they meet them
+// until they end. Light that ends on the detector is recorded by path and by class of path. Frame: the world. Unit: mm.
 //
-// ELEMENTS(DO) is the scene's list of elements, made on the host: DO(shape, kind, model, number) for each. shape: plane,
-// quadric or deviated; kind: that of an interact_* file; model: that of a scatter_* file, or none.
+// The host writes ELEMENTS(DO), the scene's list of elements: DO(shape, kind, model, number) for each. shape: plane,
+// quadric or deviated; kind: the name of an interact_* file; model: the name of a scatter_* file, or none.
+#include "work_item.cl"
 #include "emission.cl"
 #include "path_rng_*.cl"
 #include "tally.cl"
 
-// The rays that leave the screen, into the list. Their frame is the screen's group: small numbers.
+// Puts the rays that leave the screen into the list. Positions count from the screen group's origin: small numbers.
 INLINE void emit(const Trace *trace, const Emitter *emitter, const Words *words, const Words *keys, Rays *rays) {
     __constant Frame *screen = &trace->scene->screen;
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
@@ -32,6 +33,16 @@ INLINE void emit(const Trace *trace, const Emitter *emitter, const Words *words,
     }
 }
 
+// An element's turn with vector v: the lanes that meet it, their rays in its frame, the rounding bound of their steps,
+// and the interaction.
+typedef struct {
+    __constant Element *element;
+    maskv meets;
+    LocalRay ray;
+    realv bound;
+    Interaction at;
+} Visit;
+
 INLINE Interaction interaction_begin(const Trace *trace, const Rays *rays, int v, const LocalRay *ray, int number) {
     Interaction at;
     at.along = at.goes = ray->along;
@@ -45,40 +56,56 @@ INLINE Interaction interaction_begin(const Trace *trace, const Rays *rays, int v
     return at;
 }
 
-// The nearest element ahead of each ray of a list, and how far it is; NONE of a ray that escapes, ENDED of one that ended
-// there.
+// The nearest element ahead of each ray of a list, and the step to it. which is NONE for a ray that escapes and ENDED
+// for a ray that ended at an element.
 typedef struct { realv step[BLOCK_VECTORS]; intv which[BLOCK_VECTORS]; } Nearest;
 #define NONE (-1)
 #define ENDED (-2)
 
-// All elements in turn that rays may meet, each with all rays: in short loops a processor sees enough rays at a time. Their
-// interactions are taken ray by ray again: two thirds of that rate in loops by element.
+// For finding the nearest element, the outer loop is over elements and the inner one over rays: in short loops a
+// processor sees enough rays at a time. Interactions are taken vector by vector instead; with element loops they ran at
+// two thirds of that rate.
 #define MEET(shape, kind, model, number) \
     if (may >> number & 1u) \
         for (int v = 0; v < vectors; ++v) \
             meet_##shape(&trace->elements[number], rays, v, number, &nearest->step[v], &nearest->which[v]);
 
-#define INTERACT(shape, kind, model, number)                                                                 \
-    {                                                                                                        \
-        const maskv meets = to_mask(which == (number));                                                      \
-        if ((may >> number & 1u) && any_lane(meets)) {                                                       \
-            __constant Element *element = &trace->elements[number];                                          \
-            const Offset offset = group_offset(element, rays->group[v]);                                     \
-            const LocalRay ray = element_ray(element, rays, v, &offset);                                     \
-            Interaction at = interaction_begin(trace, rays, v, &ray, number);                                \
-            at.point = shape##_point(trace->scene, element, &ray, step);                                     \
-            at.normal = shape##_normal(trace->scene, element, at.point);                                     \
-            interact_##kind(element, &at);                                                                   \
-            const realv left = model##_left(trace, number, &at);                                             \
-            leave_##kind(element, rays, v, number, meets, element_bound(rays, v, &offset), step, &at);       \
-            model##_part(trace, rays, v, number, meets, &at);                                                \
-            rays->weight[v] = meets ? rays->weight[v] * left : rays->weight[v];                              \
-            const maskv ended = tally_##kind(trace, rays, v, number, meets, &at, left);                     \
-            after = to_int(ended) != 0 ? (intv)(ENDED) : after;                                              \
-        }                                                                                                    \
+INLINE Visit visit_begin(const Trace *trace, const Rays *rays, int v, int number, maskv meets) {
+    Visit visit;
+    visit.element = &trace->elements[number];
+    visit.meets = meets;
+    const Offset offset = group_offset(visit.element, rays->group[v]);
+    visit.ray = element_ray(visit.element, rays, v, &offset);
+    visit.bound = element_bound(rays, v, &offset);
+    visit.at = interaction_begin(trace, rays, v, &visit.ray, number);
+    return visit;
+}
+
+// Whether any ray of a vector meets the element.
+INLINE bool is_met(uint may, int number, intv which) {
+    return (may >> number & 1u) && any_lane(to_mask(which == number));
+}
+
+// left: share of the light that does not scatter.
+INLINE void keep_specular(Rays *rays, int v, maskv meets, realv left) {
+    rays->weight[v] = meets ? rays->weight[v] * left : rays->weight[v];
+}
+
+#define INTERACT(shape, kind, model, number)                                                                   \
+    if (is_met(may, number, which)) {                                                                          \
+        Visit visit = visit_begin(trace, rays, v, number, to_mask(which == (number)));                         \
+        visit.at.point = shape##_point(trace->scene, visit.element, &visit.ray, step);                         \
+        visit.at.normal = shape##_normal(trace->scene, visit.element, visit.at.point);                         \
+        interact_##kind(visit.element, &visit.at);                                                             \
+        const realv left = model##_left(trace, number, &visit.at);                                             \
+        leave_##kind(visit.element, rays, v, number, visit.meets, visit.bound, step, &visit.at);               \
+        model##_split(trace, rays, v, number, visit.meets, &visit.at);                                         \
+        keep_specular(rays, v, visit.meets, left);                                                             \
+        const maskv ended = tally_##kind(trace, rays, v, number, visit.meets, &visit.at, left);                \
+        after = to_int(ended) != 0 ? (intv)(ENDED) : after;                                                    \
     }
 
-// may: a bit for each element that they may meet.
+// may: one bit for each element that the rays may meet in this step.
 INLINE void find_nearest(const Trace *trace, const Rays *rays, int count, uint may, Nearest *nearest) {
     const int vectors = (count + WIDTH - 1) / WIDTH;
     for (int v = 0; v < vectors; ++v) {
@@ -86,11 +113,12 @@ INLINE void find_nearest(const Trace *trace, const Rays *rays, int count, uint m
         nearest->which[v] = (intv)(NONE);
     }
     ELEMENTS(MEET)
-    const intv beyond = as_intv(lane_index()) + (vectors - 1) * WIDTH;   // of the list's end
+    const intv beyond = as_intv(lane_index()) + (vectors - 1) * WIDTH;   // past the list's end
     nearest->which[vectors - 1] = beyond < count ? nearest->which[vectors - 1] : (intv)(ENDED);
 }
 
-// The rays of vector v through their elements. Returns those that go on, as mask_word gives them; others are counted.
+// Takes the rays of vector v through their elements. Returns those that continue, as mask_word gives them; counts the
+// rest.
 INLINE ulong step_rays(const Trace *trace, Rays *rays, int v, uint may, realv step, intv which) {
     intv after = which;
     ELEMENTS(INTERACT)
@@ -104,7 +132,7 @@ INLINE ulong step_rays(const Trace *trace, Rays *rays, int v, uint may, realv st
     return mask_word(goes & !tired);
 }
 
-// All rays of the list to their ends; after each step the list closes up.
+// Traces all rays of the list to their ends. After each step the list closes up.
 INLINE void trace_rays(const Trace *trace, Rays *rays, int count) {
     Nearest nearest;
     const int known = sizeof(trace->job->may) / sizeof(trace->job->may[0]);
@@ -115,8 +143,8 @@ INLINE void trace_rays(const Trace *trace, Rays *rays, int count) {
         find_nearest(trace, rays, count, may, &nearest);
         for (int v = 0; v * WIDTH < count; ++v) {
             const ulong alive = step_rays(trace, rays, v, may, nearest.step[v], nearest.which[v]);
-            if (alive == ALL_LANES && left == v * WIDTH) left += WIDTH;   // they are where they belong
-            else   // in ascending order: none is overwritten before it was copied
+            if (alive == ALL_LANES && left == v * WIDTH) left += WIDTH;   // already in place
+            else   // in ascending order, so no ray is overwritten before it is copied
                 for (int part = 0; part < LANE_PARTS; ++part)
                     for (ulong lanes = alive >> part & LANE_PART; lanes != 0; lanes &= lanes - 1)
                         ray_copy(rays, left++, rays, v * WIDTH + 8 * part + lowest_lane(lanes));
@@ -125,14 +153,13 @@ INLINE void trace_rays(const Trace *trace, Rays *rays, int count) {
     }
 }
 
-// Parameters: as members of Trace. Grid: (screen pixels of this launch, parts of its rays).
-// Assumes: sums, images and the first word of found zeroed before the replicate's first launch.
+// Parameters: see Trace. Grid: (screen pixels of this launch, runs of its rays).
+// Assumes: sums, images and the first word of found were zeroed before the replicate's first launch.
 __kernel void trace_paths(__constant Scene *scene, const Launch launch, __global const Emitter *emitters,
                           __constant Element *elements, __constant Scatter *scatter, __global const Path *paths,
                           __global uint *sums, __global uint *images, __global uint *found, const PathJob job) {
-    const uint source = launch.first_source + get_global_id(0);
-    const ulong begin = launch.first_ray + get_global_id(1) * launch.rays_per_item;
-    const ulong end = min(begin + launch.rays_per_item, launch.first_ray + launch.ray_count);
+    const WorkItem item = work_item(&launch);
+    const uint source = item.source;
     const int sums_size = PATH_ABSORBED + 2 * job.element_count + 2 + 2 * job.path_count;
     ulong own[MAX_SUMS];
     for (int k = 0; k < sums_size; ++k) own[k] = 0;
@@ -145,11 +172,11 @@ __kernel void trace_paths(__constant Scene *scene, const Launch launch, __global
     sampler_begin(&sampler, &launch, source);
     Words words, keys;
     Rays rays;
-    for (ulong first = begin; first < end; first += BLOCK) {
+    for (ulong first = item.begin; first < item.end; first += BLOCK) {
         sampler_block(&sampler, first, &words);
         path_keys(&launch, source, first, &keys);
         emit(&trace, &emitter, &words, &keys, &rays);
-        trace_rays(&trace, &rays, (int)min(end - first, (ulong)(BLOCK)));
+        trace_rays(&trace, &rays, (int)min(item.end - first, (ulong)(BLOCK)));
     }
     own[PATH_FAILED] += stack_lost(&stack);
     for (int k = 0; k < sums_size; ++k)

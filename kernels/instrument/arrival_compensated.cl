@@ -1,8 +1,9 @@
-// From a mirror with a slight deviation to a device: the same verb as arrival_plain.cl. World frame to the device's.
+// Compensated arrival, from a mirror with a slight deviation to a device: the same verb as arrival_plain.cl. From the
+// world frame to the device's. Unit: mm.
 //
-// Single precision cannot add a tilt of less than half its step, 4e-9, to a normal: it would be lost, and the same way for
-// every ray. So the deviation's part of the path is carried apart to the end. (Tilts of many steps need no such care: they
-// are rounded up as often as down.)
+// In single precision a tilt below 4e-9 (half a step) is lost when it is added to a normal, and in the same way for
+// every ray. So the deviation's contribution is carried separately to the end. Larger tilts of many steps need no
+// compensation: they are rounded up as often as down.
 #include "reflection.cl"
 #include "device_frame.cl"
 
@@ -22,7 +23,7 @@ INLINE maskv reflected_arrive(__constant Scene *scene, __constant Frame *frame, 
     const vec3v turn = deviation_turn(line, met, normal);
     const realv along = dot_axis(frame->axis_z, direction), along_turn = dot_axis(frame->axis_z, turn);
     const realv sum = along + along_turn, inverse = 1 / sum;
-    const realv lost = along_turn - (sum - along);   // by rounding the sum
+    const realv lost = along_turn - (sum - along);   // rounding error of the sum
     const realv depth = dot_axis(frame->axis_z, met->point) + frame->offset[2];
     const realv main_u = dot_axis_x(frame->axis_x, direction) * inverse;
     const realv main_v = dot_axis(frame->axis_y, direction) * inverse;

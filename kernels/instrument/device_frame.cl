@@ -1,13 +1,13 @@
-// A device (screen or camera) and its frame: origin at the device, z from what it looks at back to the device.
-// Rows x, y, z of the rotation are the device's axes in world coordinates; offset_* = -axis . position, taken in float64
-// on the host, so that no device coordinate of 4 m is subtracted here in single precision. Unit: mm.
+// A device (screen or camera) and its frame: origin at the device, +z away from what it looks at. Unit: mm.
+// axis_x, axis_y, axis_z: the device's axes in world coordinates; offset = -axes . position, computed in float64 on the
+// host, so that no device coordinate of several metres is subtracted here in single precision.
 #include "reflection.cl"
 
 INLINE realv dot_axis_x(__constant real *axis, vec3v v) { return axis[0] * v.x + axis[2] * v.z; }
 INLINE realv dot_axis(__constant real *axis, vec3v v) { return axis[0] * v.x + axis[1] * v.y + axis[2] * v.z; }
 
-// Where the ray from point_world along direction_world (any length) crosses the device's plane z = 0.
-// u, v: position there; slope_u, slope_v: du/dz, dv/dz. Returns false where the ray leaves the plane behind.
+// Where the ray from point_world along direction_world (of any length) crosses the device's plane z = 0.
+// u, v: position there; slope_u, slope_v: du/dz, dv/dz. Returns false if the ray runs away from the plane.
 INLINE maskv frame_arrive(__constant Frame *frame, vec3v point_world, vec3v direction_world,
                           realv *u, realv *v, realv *slope_u, realv *slope_v) {
     const realv inverse = 1 / dot_axis(frame->axis_z, direction_world);

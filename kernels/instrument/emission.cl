@@ -1,15 +1,15 @@
-// Lambertian emission of a screen pixel, aimed. Frame: the screen's.
+// Lambertian emission of a screen pixel, aimed at the mirror. Frame: the screen's. Unit: mm.
 #include "uniform.cl"
 #include "sampler_*.cl"
 
-// The named dimensions of a ray's words.
+// The dimensions of a ray's random words.
 enum { FORWARD_PIXEL_X, FORWARD_PIXEL_Y, FORWARD_AIM_RADIUS, FORWARD_AIM_ANGLE };
 
 // Direction cosines in the screen's frame.
 typedef struct { realv l, m; } Direction;
 
-// Lambertian emission: flux per direction-cosine area dl dm is constant, so directions uniform in the aim's ellipse all
-// carry the same flux, radiance x pixel area x ellipse area / rays.
+// For Lambertian emission the flux per direction-cosine area dl dm is constant. So directions that are uniform in the
+// aim's ellipse all carry the same flux: radiance x pixel area x ellipse area / rays.
 INLINE Direction forward_aim(const Emitter *emitter, const Words *words, int v) {
     realv x, y;
     unit_disk(ray_words(words, FORWARD_AIM_RADIUS, v), ray_words(words, FORWARD_AIM_ANGLE, v), &x, &y);

@@ -1,10 +1,10 @@
 // One adjoint path in stages: emit (detector pixel -> aperture -> line), mirror_meet, mirror_deviate, arrive (screen).
-// Frames as in path_forward.cl.
+// Frames as in path_forward.cl. Unit: mm.
 #include "arrival_*.cl"
 #include "uniform.cl"
 #include "sampler_*.cl"
 
-// The named dimensions of a ray's words.
+// The dimensions of a ray's random words.
 enum { ADJOINT_PIXEL_X, ADJOINT_PIXEL_Y, ADJOINT_APERTURE_RADIUS, ADJOINT_APERTURE_ANGLE };
 
 // The ray's point on the camera's aperture, in the camera's frame.
@@ -14,9 +14,9 @@ INLINE void adjoint_aperture(__constant Scene *scene, const Words *words, int v,
     *b *= scene->aperture_radius;
 }
 
-// The paraxial lens turns the upright image point X seen from aperture point a into the object-side slope
-// a / focus - X / image_distance (light running from the mirror to the camera).
-// weight gets cos^4 of the object-side angle: the ray's flux relative to one along the axis.
+// Seen from aperture point a, the paraxial lens maps the upright image point X to the object-side slope
+// a / focus - X / image_distance (light runs from the mirror to the camera).
+// weight: cos^4 of the object-side angle, the ray's flux relative to a ray along the axis.
 INLINE Line adjoint_emit(__constant Scene *scene, const Receiver *receiver, const Words *words, int v, realv *weight) {
     realv a, b;
     adjoint_aperture(scene, words, v, &a, &b);
@@ -29,7 +29,7 @@ INLINE Line adjoint_emit(__constant Scene *scene, const Receiver *receiver, cons
     return frame_depart(&scene->camera, a, b, slope_a, slope_b, (realv)(1));
 }
 
-// Where the ray crosses the screen's plane, in the screen's frame; false: it runs away from it.
+// Where the ray crosses the screen's plane, in the screen's frame. Returns false if the ray runs away from it.
 INLINE maskv adjoint_arrive(__constant Scene *scene, const Line *line, const Meeting *met, realv *u, realv *v) {
     realv slope_u, slope_v;
     return reflected_arrive(scene, &scene->screen, line, met, u, v, &slope_u, &slope_v);

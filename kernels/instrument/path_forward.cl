@@ -1,9 +1,10 @@
 // One forward path in stages: aim and emit (screen -> line), mirror_meet, mirror_deviate, arrive (camera's aperture).
-// Frames: world = the mirror's; screen's and camera's own.
+// Frames: the world's, which is the mirror's; the screen's and the camera's own. Unit: mm.
 #include "arrival_*.cl"
 #include "emission.cl"
 
-// At the camera's aperture plane, in the camera's frame: position and slopes; and how the ray fared there.
+// Position and slopes in the camera's aperture plane, in the camera's frame. through: passed the aperture; clipped:
+// missed it after meeting the mirror.
 typedef struct { realv a, b, slope_a, slope_b; maskv through, clipped; } Arrival;
 
 INLINE Line forward_emit(__constant Scene *scene, const Emitter *emitter, const Direction *aim, const Words *words,

@@ -1,4 +1,4 @@
-// Mirror aperture: a disk about the z axis with a central hole. Unit: mm.
+// Mirror aperture: a disk about the z axis with a central hole. Frame: the mirror's. Unit: mm.
 #include "circle.cl"
 
 INLINE maskv aperture_contains(__constant Mirror *mirror, vec3v point) {
@@ -6,8 +6,8 @@ INLINE maskv aperture_contains(__constant Mirror *mirror, vec3v point) {
     return (radius2 <= mirror->aperture_radius2) & (radius2 >= mirror->obscuration_radius2);
 }
 
-// As in aperture_disk.cl: outside means beyond the rim or within the hole. Of an interval with the hole in its middle the
-// part beyond the hole stays.
+// As in aperture_disk.cl. Outside means beyond the rim or within the hole. If an interval has the hole in its middle,
+// the piece beyond the hole stays.
 INLINE void aperture_clip(__constant Mirror *mirror, vec3v point, real by_x, real by_y, realv *low, realv *high) {
     const realv radius2 = point.x * point.x + point.y * point.y;
     const realv growth = point.x * by_x + point.y * by_y;

@@ -1,12 +1,12 @@
-// Where a point that moves along a straight line crosses a circle about the z axis. Lengths in mm.
+// Where a point that moves along a straight line crosses a circle about the z axis. Unit: mm.
 #include "simd_*.cl"
 
-// Parameters of the two crossings: of the one next to 0, and of the other; both exact.
+// Parameters of the two crossings, the nearer to 0 first. Neither loses digits by cancellation.
 typedef struct { realv near, far; } Crossing;
 
-// For a point at radius r. growth: half of r^2's derivative by the parameter; by2: the square of the point's speed; room:
-// radius^2 - r^2. Where growth > 0 the point leaves the circle at `near` and has entered it at `far`, where growth < 0 it
-// enters at `near` and leaves at `far`. A line that passes the circle by leaves before it enters.
+// For a point at radius r. growth: half the derivative of r^2 by the parameter; by2: square of the point's speed; room:
+// radius^2 - r^2. If growth > 0 the point leaves the circle at `near` and entered it at `far`; if growth < 0 it enters
+// at `near` and leaves at `far`. A line that misses the circle gets a leaving crossing before the entering one.
 INLINE Crossing circle_crossing(realv growth, real by2, realv room) {
     const realv square = growth * growth + by2 * room;
     const realv root = real_sqrt(square > 0 ? square : (realv)(0));

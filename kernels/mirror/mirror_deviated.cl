@@ -1,10 +1,11 @@
-// The mirror as made: the design surface plus a Zernike deviation along z, carried apart so that neither loses digits.
-// Verbs as in mirror_nominal.cl. World frame, mm.
+// The mirror as made: the design surface plus a Zernike deviation along z, stored separately so that neither loses
+// digits. The same verbs as mirror_nominal.cl. Frame: the world. Unit: mm.
 #include "surface_*.cl"
 #include "aperture_*.cl"
 #include "zernike_*.cl"
 
-// Where a line met the mirror, and the deviation and its slopes there; false: it missed the surface or its aperture.
+// Where a line meets the mirror, and the deviation and its slopes there. on_mirror: false if it misses the aperture or
+// the surface.
 typedef struct { vec3v point; maskv on_mirror; realv height, slope_x, slope_y; } Meeting;
 
 INLINE Meeting mirror_meet(__constant Scene *scene, const Line *line) {
@@ -13,12 +14,12 @@ INLINE Meeting mirror_meet(__constant Scene *scene, const Line *line) {
     return at;
 }
 
-// Follows the line from the design surface to the deviated one by Newton steps (mirror.newton_steps, chosen on the host
-// from the deviation's size): the first moves by the height over the line's slope against the surface, further ones only
-// refine the deviation's own argument.
+// Follows the line from the design surface to the deviated one by Newton steps. The host chooses their number,
+// mirror.newton_steps, from the deviation's size. The first step moves along the line by the height; further steps only
+// refine the point at which the deviation is evaluated.
 INLINE void mirror_deviate(__constant Scene *scene, const Line *line, Meeting *at) {
     const vec3v base = at->point;
-    // Polynomials explode outside their disk; a line that meets the design 2 % outside it is not on the mirror.
+    // Polynomials grow fast outside their disk. A line that meets the design 2 % outside it is not on the mirror.
     const real inverse = scene->zernike.inverse_radius;
     at->on_mirror &= (base.x * base.x + base.y * base.y) * (inverse * inverse) <= (real)1.04;
     const vec3v normal = surface_normal(&scene->mirror, base);
@@ -31,12 +32,12 @@ INLINE void mirror_deviate(__constant Scene *scene, const Line *line, Meeting *a
     at->on_mirror &= aperture_contains(&scene->mirror, at->point);
 }
 
-// The design's normal under the point.
+// The design's normal below the point.
 INLINE vec3v mirror_design_normal(__constant Scene *scene, const Meeting *at) {
     return surface_normal(&scene->mirror, (vec3v){at->point.x, at->point.y, at->point.z - at->height});
 }
 
-// The same tilted by the deviation's slopes. Slight ones are lost in the sum: arrival_compensated.cl carries them apart.
+// The design's normal tilted by the deviation's slopes. The sum loses slight slopes; see arrival_compensated.cl.
 INLINE vec3v mirror_normal(__constant Scene *scene, const Meeting *at) {
     vec3v normal = mirror_design_normal(scene, at);
     normal.x -= at->slope_x * normal.z;

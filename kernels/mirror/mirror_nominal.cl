@@ -1,8 +1,8 @@
-// The mirror as designed: where a line meets it and the normal there. World frame, mm.
+// The mirror as designed: where a line meets it, and the normal there. Frame: the world. Unit: mm.
 #include "surface_*.cl"
 #include "aperture_*.cl"
 
-// Where a line met the mirror; false: it missed the surface or its aperture.
+// Where a line meets the mirror. on_mirror: false if it misses the surface or its aperture.
 typedef struct { vec3v point; maskv on_mirror; } Meeting;
 
 INLINE Meeting mirror_meet(__constant Scene *scene, const Line *line) {

@@ -1,16 +1,16 @@
-// A line meets the mirror and leaves it by the law of reflection. World frame, mm.
+// A line meets the mirror and leaves it by the law of reflection. Frame: the world. Unit: mm.
 //
-// The mirror_*.cl files define where: the type Meeting, mirror_meet (on the design surface), mirror_deviate (from there
-// to the surface as made) and mirror_normal. They are stages of their own: see trace_forward.cl.
+// The mirror_*.cl files define the type Meeting, mirror_meet (on the design surface), mirror_deviate (from there to the
+// surface as made) and mirror_normal. They are separate stages; trace_forward.cl says why.
 #include "simd_*.cl"
 
-// The line (x0 + p z, y0 + q z, z): light on it runs towards -z.
+// The line (x0 + p z, y0 + q z, z). Light on it runs towards -z.
 typedef struct { realv x0, y0, p, q; } Line;
 
 #include "mirror_*.cl"
 
-// Direction, of any length, that the light of a line leaves in from a surface with the normal n, of any length too.
-// With d = (p, q, 1) against the incoming light: 2 (d.n) n - (n.n) d.
+// Direction of the light of a line after reflection at a surface with normal n: 2 (d.n) n - (n.n) d, with d = (p, q, 1)
+// against the incoming light. Neither n nor the result needs unit length.
 INLINE vec3v reflect(const Line *line, vec3v n) {
     const realv dn2 = 2 * (line->p * n.x + line->q * n.y + n.z);
     const realv nn = n.x * n.x + n.y * n.y + n.z * n.z;

@@ -1,4 +1,4 @@
-// Mirror surface: conic of revolution about +Z, vertex at the origin. Verbs and quadric form as in surface_sphere.cl,
+// Mirror surface: conic of revolution about +Z, vertex at the origin. Verbs and quadric form: see surface_sphere.cl,
 // with q_xx = q_yy = 1 / radius, q_zz = (1 + conic) / radius, q_xz = 0. Unit: mm.
 #include "quadric.cl"
 

@@ -1,5 +1,5 @@
 // Mirror surface: a segment of a conic of revolution away from its axis, in the segment's own frame (origin on the
-// surface, +Z along the normal there, +X away from the parent's axis). Verbs and quadric form as in surface_sphere.cl;
+// surface, +Z along the normal there, +X away from the parent's axis). Verbs and quadric form: see surface_sphere.cl;
 // the rotated quadric keeps only the cross term q_xz. Unit: mm.
 #include "quadric.cl"
 

@@ -3,10 +3,10 @@
 // has q_xx = q_yy = q_zz = 1 / radius and q_xz = 0.
 #include "quadric.cl"
 
-// Where the line (x0 + p z, y0 + q z, z) meets the surface. All numbers stay of the size of the mirror, whatever the
-// distance to the line's source: that keeps single precision good. The root is the one next to the vertex.
-// Returns false where the line misses the surface: there is no root, or the normal there points down, as it does above
-// the parent's widest circle and on a hyperboloid's second sheet.
+// Where the line (x0 + p z, y0 + q z, z) meets the surface: the root nearest the vertex. All numbers have the size of
+// the mirror, whatever the distance to the line's source, so single precision suffices. Returns false if the line
+// misses the surface: there is no root, or the normal there points down, as it does above the parent's widest circle
+// and on the second sheet of a hyperboloid.
 INLINE maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p, realv q, vec3v *point) {
     const real curvature = mirror->q_xx;
     const realv a = curvature * (p * p + q * q + 1);

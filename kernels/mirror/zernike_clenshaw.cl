@@ -1,12 +1,12 @@
 // Zernike deviation of the mirror along z and its gradient, by Clenshaw's recurrence on Jacobi polynomials: stable to
 // radial order 40 and beyond, unlike the sums of powers of zernike_power.cl. Frame: the mirror's. Unit: mm.
 //
-// W = sum over azimuthal orders m of Re[conj(a_m) zeta^m], zeta = (x + i y) / radius, s = |zeta|^2, where a_m's real part
-// (cosine terms) and imaginary part (sine terms) are series sum_k c_k P_k(t) in t = 2 s - 1 with
-// P_{k+1} = (alpha_k t + beta_k) P_k + gamma_k P_{k-1}. The tables come from irtscots_cl/zernikes.py.
+// W = sum over azimuthal orders m of Re[conj(a_m) zeta^m], zeta = (x + i y) / radius, s = |zeta|^2, where a_m's real
+// part (cosine terms) and imaginary part (sine terms) are series sum_k c_k P_k(t) in t = 2 s - 1 with P_{k+1} =
+// (alpha_k t + beta_k) P_k + gamma_k P_{k-1}. The tables come from irtscots_cl/maths/zernike/.
 #include "simd_*.cl"
 
-// One azimuthal order's two series and their derivatives by t.
+// The two series of one azimuthal order and their derivatives by t.
 typedef struct { realv cosine, sine, cosine_dt, sine_dt; } Radial;
 
 INLINE Radial zernike_radial(__constant ZernikeTerm *term, int count, realv t) {

@@ -1,11 +1,10 @@
-// Zernike deviation of the mirror along z and its gradient, by Horner's rule in t = 2 s - 1, s = (x^2 + y^2) / radius^2: for
-// a few radial terms of low order, where the powers cancel each other by two digits at most (the host measures that;
-// zernike_clenshaw.cl has no such limit).
-// Frame: the mirror's. Unit: mm.
+// Zernike deviation of the mirror along z and its gradient, by Horner's rule in t = 2 s - 1, s = (x^2 + y^2) /
+// radius^2. For a few radial terms of low order, where cancellation between powers costs two digits at most. The host
+// measures that; zernike_clenshaw.cl has no such limit. Frame: the mirror's. Unit: mm.
 //
 // W = sum over rows of c(t) B, where B is the real part (cosine rows) or the imaginary part (sine rows) of zeta^m,
-// zeta = (x + i y) / radius. The coefficients come from irtscots_cl/zernikes.py. Which rows there are (zernike_order,
-// zernike_sine, zernike_count) is part of the generated declarations, so that all loops unroll.
+// zeta = (x + i y) / radius. The coefficients come from irtscots_cl/maths/zernike/. The generated declarations
+// list the rows (zernike_order, zernike_sine, zernike_count), so that all loops unroll.
 #include "simd_*.cl"
 
 // Returns the deviation [mm] at (x, y) [mm]; its slopes go to slope_x, slope_y.

@@ -1,4 +1,4 @@
-// Scenes where nothing on a ray's path is left to probability.
+// No random words for ray paths: for scenes where nothing on a path is random.
 #include "words.cl"
 
 INLINE void path_keys(const Launch *launch, uint source, ulong first, Words *keys) {

@@ -22,7 +22,7 @@ INLINE void sampler_begin(Sampler *sampler, const Launch *launch, uint source) {
         }
 }
 
-// What a sum of low halves hands on to the high halves.
+// Carry from a sum of low halves to the high halves.
 INLINE wordv carry(wordv sum, uint summand) { return sum < summand ? (wordv)(1) : (wordv)(0); }
 
 // Words of the rays first ... first + BLOCK - 1.

@@ -2,8 +2,8 @@
 // hash-based Owen scrambling, JCGT 2020). Every 2^32 rays of a source get a scrambling of their own, so a source never
 // repeats; direction numbers of Joe and Kuo (2008) for four dimensions.
 //
-// All words are kept bit-reversed until the end: there, Owen's scrambling, which lets a bit depend on the bits above it,
-// is what ordinary multiplication does.
+// All words stay bit-reversed until the end. In that form, multiplication makes each bit depend on the bits above it in
+// the original order, as Owen's scrambling requires.
 #include "seeds.cl"
 
 #define POINT_BITS 32
@@ -28,7 +28,7 @@ __constant uint sobol_direction[DIMENSIONS][POINT_BITS] = {
      0x0100011a, 0x030002a7, 0x0400079e, 0x0a000b6d, 0x1f001001, 0x2e003003, 0x45004004, 0xc900a00a},
 };
 
-// Point number `ray` of the sequence, not scrambled. Points add up by exclusive or.
+// Point number `ray` of the sequence, not scrambled. Points combine by exclusive or.
 INLINE uint sobol_point(int dimension, uint ray) {
     uint point = 0;
     // masks instead of branches: the bits of a ray's number are not predictable
@@ -38,7 +38,7 @@ INLINE uint sobol_point(int dimension, uint ray) {
 
 typedef struct {
     const Launch *launch;
-    uint source, run;                               // run: the ray's number / 2^32, which seed belongs to
+    uint source, run;                               // run: the ray's number / 2^32; each run has its own seed
     uint seed[DIMENSIONS];
     wordv within[DIMENSIONS][BLOCK / WORD_LANES];   // points of the rays 0 ... BLOCK - 1, not scrambled
 } Sampler;

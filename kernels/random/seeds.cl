@@ -1,5 +1,5 @@
-// Random words that a source's low-discrepancy points are randomised with: one per dimension, independent between
-// sources, replicates and runs of 2^32 rays.
+// Random words that randomise the low-discrepancy points of a source: one per dimension, independent between sources,
+// replicates and runs of 2^32 rays.
 #include "words.cl"
 #include "philox.cl"
 

@@ -1,4 +1,4 @@
-// Random words to real numbers. Both are exact in single precision, symmetric, and never l1_norm the interval's ends.
+// Random words to real numbers. Results are exact in single precision, symmetric, and never reach the interval's ends.
 #include "simd_*.cl"
 
 // (-1/2, 1/2): the odd multiples of 2^-25, 2^24 of them. Never 0 and never +-1/2.
@@ -11,8 +11,8 @@ INLINE realv uniform_open(uintv word) {
     return to_real(as_intv((word >> 8) | 1u)) * (real)0x1p-24;
 }
 
-// sin(pi t) / t and cos(pi t) as polynomials in t^2 for |t| <= 1/2: Chebyshev fits, absolute error below 7e-9 (the steps
-// of the words are 6e-8).
+// sin(pi t) / t and cos(pi t) as polynomials in t^2 for |t| <= 1/2: Chebyshev fits, absolute error below 7e-9 (the
+// words have steps of 6e-8).
 #define S0 (real)3.14159264013
 #define S1 (real)-5.16771008351
 #define S2 (real)2.55007752321
@@ -26,7 +26,7 @@ INLINE realv uniform_open(uintv word) {
 #define C5 (real)-0.0243963243548
 
 // A point of the unit disk, uniform in area: radius from the first word, angle from the second.
-// Sine and cosine are taken of half the angle, where short polynomials do, then doubled.
+// Sine and cosine of half the angle come from short polynomials; double-angle formulas give the rest.
 INLINE void unit_disk(uintv radius_word, uintv angle_word, realv *x, realv *y) {
     const realv radius = real_sqrt(uniform_open(radius_word));
     const realv t = uniform_centred(angle_word);

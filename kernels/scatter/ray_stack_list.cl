@@ -1,4 +1,4 @@
-// Rays that parted from others and wait until the list of the block has room.
+// The ray stack: rays that split from others and wait until the block's list has room.
 #include "ray.cl"
 
 typedef struct { Rays of[STACK_BLOCKS]; int waiting; uint lost; } RayStack;
@@ -8,11 +8,11 @@ INLINE void stack_begin(RayStack *stack) {
     stack->lost = 0;
 }
 
-// Whether rays may part that could be followed by probability instead: half of the list is kept for those that scatter.
+// Whether both branches of a ray may be followed: half of the stack is reserved for rays that scatter.
 INLINE int stack_room(const RayStack *stack) { return stack->waiting <= STACK_BLOCKS * BLOCK / 2; }
 
-// Adds a copy of ray `from`, one event later, and returns the list and the place where it stands, for the caller to
-// change; in a full list it takes the place of another, which is lost and counted.
+// Adds a copy of ray `from` with one more bounce. Returns the block and sets the place where the copy stands, so that
+// the caller can change it. In a full stack it replaces another ray, which is counted as lost.
 INLINE Rays *stack_push(RayStack *stack, const Rays *rays, int from, int *place) {
     if (stack->waiting == STACK_BLOCKS * BLOCK) {
         ++stack->lost;
@@ -27,7 +27,7 @@ INLINE Rays *stack_push(RayStack *stack, const Rays *rays, int from, int *place)
 
 INLINE uint stack_lost(const RayStack *stack) { return stack->lost; }
 
-// Moves waiting rays behind the first `count` of the block's list, as far as there is room; returns the new count.
+// Moves waiting rays to the end of the block's list of `count` rays while there is room; returns the new count.
 INLINE int stack_pop(RayStack *stack, Rays *rays, int count) {
     while (stack->waiting > 0 && count < BLOCK) {
         --stack->waiting;

@@ -1,4 +1,4 @@
-// Scenes whose rays never part: no list of rays that wait.
+// No ray stack: for scenes whose rays never split. The same verbs as ray_stack_list.cl.
 #include "ray.cl"
 
 typedef struct { int waiting; } RayStack;

@@ -1,4 +1,5 @@
-// Harvey lobes: BSDF [1/sr] = b0 (1 + (d / l)^2)^(s / 2), d the distance in direction cosines from the specular direction.
+// The Harvey model: BSDF [1/sr] = b0 (1 + (d / l)^2)^(s / 2), where d is the distance in direction cosines from the
+// specular direction.
 // numbers: b0, 1 / l^2, s / 2.
 #include "scattered.cl"
 

@@ -1,31 +1,33 @@
-// Rays that scatter at an element. One leaves by probability, in a direction drawn either from a lobe like the BSDF's or
-// towards a target, a disk such as the camera's aperture, that the lobe would hardly ever find. Its weight is the BSDF
-// over the density of all these ways together (E. Veach, L. J. Guibas, SIGGRAPH 95, 419: the balance heuristic), so no
-// direction is left out and none counts twice. Scalar: few rays scatter. Frame: the world. Lengths in mm.
+// Rays that scatter at an element. A ray scatters with a given probability. Its direction is drawn from a lobe similar
+// to the BSDF or towards a target: a disk, such as the camera's aperture, that the lobe would hardly ever hit. Its
+// weight is the BSDF divided by the combined density of all these ways (the balance heuristic: E. Veach, L. J. Guibas,
+// SIGGRAPH 95, 419), so no direction is missed and none counts twice. Scalar, because few rays scatter. Frame: the
+// world. Unit: mm.
 #include "split_ray.cl"
 #include "uniform.cl"
 
-enum { USE_SCATTER = 64, USE_WAY, USE_RADIUS, USE_ANGLE };   // of a ray's random words, beside the elements' numbers
+enum { USE_SCATTER = 64, USE_WAY, USE_RADIUS, USE_ANGLE };   // path_word uses; lower ones are element numbers
 
 INLINE real dots(vec3s a, vec3s b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 INLINE vec3s adds(vec3s a, real step, vec3s b) { return (vec3s){a.x + step * b.x, a.y + step * b.y, a.z + step * b.z}; }
 INLINE vec3s reads(__constant real *a) { return (vec3s){a[0], a[1], a[2]}; }
 INLINE real uniform_of(uint word) { return (real)((word >> 8) | 1u) * (real)0x1p-24; }
 
-// A ray that scatters: where it stands, from its group's origin; the normal on the side it leaves to; beta0: projection
-// of the specular direction onto the tangent plane.
+// A ray that scatters. at: its position, from its group's origin; normal: on the side it leaves to; beta0: projection
+// of the specular direction onto the tangent plane; sine: length of beta0.
 typedef struct { vec3s at, normal, beta0; real sine; int group; } Scattering;
 
-// A direction with its projection beta.
+// A direction and its projection beta onto the tangent plane.
 typedef struct { vec3s along, beta; } Leaving;
 
-// The lobe that directions are drawn from: density (1 + d^2 / l^2)^(power - 1) of beta, to the farthest d there is.
+// Density of beta in the lobe that directions are drawn from: proportional to (1 + d^2 / l^2)^(power - 1), d up to
+// farthest.
 INLINE real lobe_density(__constant Lobe *lobe, real d2, real farthest) {
     const real whole = pow(1 + farthest * farthest * lobe->inverse_l2, lobe->power) - 1;
     return pow(1 + d2 * lobe->inverse_l2, lobe->power - 1) * lobe->power * lobe->inverse_l2 / (whole * (real)M_PI_F);
 }
 
-// (a, b): uniform on the unit disk. No direction, zero, where it lies below the horizon.
+// (a, b): uniform on the unit disk. The direction is zero if it would lie below the horizon.
 INLINE Leaving from_lobe(__constant Lobe *lobe, const Scattering *ray, real a, real b) {
     const real u = a * a + b * b, farthest = 1 + lobe->centre * ray->sine;
     const real whole = pow(1 + farthest * farthest * lobe->inverse_l2, lobe->power) - 1;
@@ -52,7 +54,7 @@ INLINE Leaving to_target(__constant Target *target, const Scattering *ray, real 
     return (Leaving){to, adds(to, -dots(to, ray->normal), ray->normal)};
 }
 
-// Density per solid angle of to_target's directions; sure: that this one is among them.
+// Density per solid angle of to_target's directions; sure: this direction is known to be one of them.
 INLINE real target_density(__constant Target *target, const Scattering *ray, vec3s along, bool sure) {
     const vec3s to = adds(reads(target->centre[ray->group]), -1, ray->at), z = reads(target->axis_z);
     const real slope = dots(along, z), step = dots(to, z) / slope;
@@ -61,11 +63,12 @@ INLINE real target_density(__constant Target *target, const Scattering *ray, vec
     return step * step / ((real)M_PI_F * target->radius * target->radius * fabs(slope));
 }
 
-// Direction, and its density per solid angle in `density`; zero where there is none.
-INLINE Leaving draw_direction(__constant Scatter *scatter, __constant Lobe *lobe, const Scattering *ray, real way, real a,
-                              real b, real *density) {
+// Draws a direction and sets its density per solid angle, 0 if there is no direction. way: uniform, chooses lobe or
+// target.
+INLINE Leaving draw_direction(__constant Scatter *scatter, __constant Lobe *lobe, const Scattering *ray, real way,
+                              real a, real b, real *density) {
     const int count = lobe->target_count;
-    const real share = (1 - lobe->share) / max(count, 1);   // of a target
+    const real share = (1 - lobe->share) / max(count, 1);   // of each target
     const int chosen = way < lobe->share ? -1 : min((int)((way - lobe->share) / share), count - 1);
     const Leaving leaving = chosen < 0 ? from_lobe(lobe, ray, a, b)
                                        : to_target(&scatter->targets[lobe->target[chosen]], ray, a, b);
@@ -79,7 +82,7 @@ INLINE Leaving draw_direction(__constant Scatter *scatter, __constant Lobe *lobe
     return leaving;
 }
 
-// Share of the light that scatters, by the cosine of the specular direction: from the table by its root.
+// Share of the light that scatters at this cosine of the specular direction: interpolated in the table by its root.
 INLINE realv scattered_share(__constant Lobe *lobe, realv cosine) {
     const int nodes = sizeof(lobe->tis) / sizeof(lobe->tis[0]);
     const realv root = real_sqrt(magnitude(cosine)) * (real)(nodes - 1);
@@ -92,7 +95,7 @@ INLINE realv scattered_share(__constant Lobe *lobe, realv cosine) {
     return share;
 }
 
-// Of ray k of vector v, which has just left along the specular direction.
+// Ray k of vector v, which has just left along the specular direction.
 INLINE Scattering scattering_of(const Rays *rays, int v, int k, vec3s normal) {
     const vec3s specular = lane_of((vec3v){rays->dx[v], rays->dy[v], rays->dz[v]}, k);
     Scattering ray;
@@ -105,32 +108,69 @@ INLINE Scattering scattering_of(const Rays *rays, int v, int k, vec3s normal) {
     return ray;
 }
 
-// For a model with its bsdf_*(lobe, d^2): model_left, the share of an interaction's light that stays specular; model_part,
-// the rays that part from those that have just left the element. Their weight still has the scattered light in it.
-#define SCATTERS(model)                                                                                                  \
-    INLINE realv model##_left(const Trace *trace, int number, const Interaction *at) {                                   \
-        return 1 - scattered_share(&trace->scatter->lobes[number], dot3(at->goes, at->normal));                          \
-    }                                                                                                                    \
-    INLINE void model##_part(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at) { \
-        __constant Lobe *lobe = &trace->scatter->lobes[number];                                                          \
-        const uintv low = rays->path_low[v], high = rays->path_high[v], key = rays->key[v];                              \
-        const maskv chosen = meets & (rays->weight[v] > 0) &                                                             \
-                             (uniform_open(path_word(key, low, high, USE_SCATTER)) < lobe->probability);                      \
-        if (!any_lane(chosen)) return;                                                                                   \
-        const vec3v normals = to_world(&trace->elements[number], at->normal);                                            \
-        const uintv way = path_word(key, low, high, USE_WAY);                                                            \
-        realv a, b;                                                                                                      \
-        unit_disk(path_word(key, low, high, USE_RADIUS), path_word(key, low, high, USE_ANGLE), &a, &b);                  \
-        for (ulong lanes = mask_word(chosen); lanes != 0; lanes &= lanes - 1) {                                          \
-            const int k = lowest_lane(lanes);                                                                            \
-            const Scattering ray = scattering_of(rays, v, k, lane_of(normals, k));                                       \
-            real density;                                                                                                \
-            const Leaving leaving = draw_direction(trace->scatter, lobe, &ray, uniform_of(((const uint *)&way)[k]),      \
-                                                   ((const real *)&a)[k], ((const real *)&b)[k], &density);              \
-            if (!(density > 0)) continue;                                                                                \
-            const vec3s off = adds(leaving.beta, -1, ray.beta0);                                                         \
-            const real weight = bsdf_##model(lobe, dots(off, off)) * dots(leaving.along, ray.normal) / density;          \
-            split_ray(trace, rays, v, k, leaving.along, ((const real *)&rays->weight[v])[k] * weight / lobe->probability,      \
-                     ((const int *)&at->event)[k], EVENT_SCATTER);                                                       \
-        }                                                                                                                \
+// Share of an interaction's light that stays specular.
+INLINE realv specular_share(const Trace *trace, int number, const Interaction *at) {
+    return 1 - scattered_share(&trace->scatter->lobes[number], dot3(at->goes, at->normal));
+}
+
+// The rays of a vector that scatter, and the random numbers and world normals that their directions are drawn with.
+typedef struct { ulong lanes; uintv way; realv a, b; vec3v normals; } Scatterers;
+
+// way, a, b and normals are set only if some lane scatters.
+INLINE Scatterers scatterers_of(const Trace *trace, const Rays *rays, int v, int number, maskv meets,
+                                const Interaction *at) {
+    const uintv low = rays->path_low[v], high = rays->path_high[v], key = rays->key[v];
+    const maskv chosen = meets & (rays->weight[v] > 0) & (uniform_open(path_word(key, low, high, USE_SCATTER)) <
+                                                          trace->scatter->lobes[number].probability);
+    Scatterers some;
+    some.lanes = mask_word(chosen);
+    if (some.lanes == 0) return some;
+    some.normals = to_world(&trace->elements[number], at->normal);
+    some.way = path_word(key, low, high, USE_WAY);
+    unit_disk(path_word(key, low, high, USE_RADIUS), path_word(key, low, high, USE_ANGLE), &some.a, &some.b);
+    return some;
+}
+
+// A scattered ray: direction, its density per solid angle (0: no direction), its cosine to the normal, and d^2 for the
+// BSDF.
+typedef struct { vec3s along; real density, cosine, d2; } Scattered;
+
+INLINE Scattered scatter_lane(const Trace *trace, const Rays *rays, int v, int k, __constant Lobe *lobe,
+                              const Scatterers *some) {
+    const Scattering ray = scattering_of(rays, v, k, lane_of(some->normals, k));
+    Scattered scattered;
+    const Leaving leaving = draw_direction(trace->scatter, lobe, &ray, uniform_of(((const uint *)&some->way)[k]),
+                                           ((const real *)&some->a)[k], ((const real *)&some->b)[k],
+                                           &scattered.density);
+    const vec3s off = adds(leaving.beta, -1, ray.beta0);
+    scattered.along = leaving.along;
+    scattered.cosine = dots(leaving.along, ray.normal);
+    scattered.d2 = dots(off, off);
+    return scattered;
+}
+
+INLINE void scatter_split(const Trace *trace, const Rays *rays, int v, int k, __constant Lobe *lobe,
+                          const Interaction *at, const Scattered *scattered, real bsdf) {
+    const real weight = bsdf * scattered->cosine / scattered->density;
+    split_ray(trace, rays, v, k, scattered->along, ((const real *)&rays->weight[v])[k] * weight / lobe->probability,
+              ((const int *)&at->event)[k], EVENT_SCATTER);
+}
+
+// The two functions of a scatter model, made from its bsdf_*(lobe, d^2). *_left: the share of an interaction's light
+// that stays specular. *_split: splits the scattered rays from those that have just left the element, whose weight
+// still includes the scattered light.
+#define SCATTERS(model)                                                                                            \
+    INLINE realv model##_left(const Trace *trace, int number, const Interaction *at) {                             \
+        return specular_share(trace, number, at);                                                                  \
+    }                                                                                                              \
+    INLINE void model##_split(const Trace *trace, const Rays *rays, int v, int number, maskv meets,                \
+                              const Interaction *at) {                                                             \
+        __constant Lobe *lobe = &trace->scatter->lobes[number];                                                    \
+        const Scatterers some = scatterers_of(trace, rays, v, number, meets, at);                                  \
+        for (ulong lanes = some.lanes; lanes != 0; lanes &= lanes - 1) {                                           \
+            const int k = lowest_lane(lanes);                                                                      \
+            const Scattered scattered = scatter_lane(trace, rays, v, k, lobe, &some);                              \
+            if (scattered.density > 0)                                                                             \
+                scatter_split(trace, rays, v, k, lobe, at, &scattered, bsdf_##model(lobe, scattered.d2));          \
+        }                                                                                                          \
     }

@@ -1,9 +1,10 @@
-// A ray that parts from another at an element.
+// A ray that splits from another at an element. Frame: the world.
 #include "tally.cl"
 
-// From ray k of vector v, which has just left with event `event`: along a direction of the world, with another weight.
+// Splits a ray from ray k of vector v, which has just left with event `event`. The new ray has event `as`, a direction
+// `along` in the world and its own weight.
 INLINE void split_ray(const Trace *trace, const Rays *rays, int v, int k, vec3s along, real weight, int event, int as) {
-    ++trace->own[PATH_PARTED];
+    ++trace->own[PATH_SPLIT];
     if (((const int *)&rays->bounces[v])[k] + 1 >= trace->job->bounce_limit) {
         count_rays(trace, PATH_BOUNCE_LIMIT, 1);
         return count_weight_of(trace, trace->job->element_count + 1, weight);

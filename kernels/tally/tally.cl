@@ -1,20 +1,19 @@
-// What becomes of light on its way: rays and weights counted where they end, and the detector's images by path.
+// Tallies of a non-sequential trace: rays and weights where they end, and the detector's images by path. Unit: mm.
 #include "interaction.cl"
 #include "ray_stack_*.cl"
 #include "sum64.cl"
 
-// The sums: rays by their ends, then absorbed ones for each element; then the weight that stays at each element, that
-// escapes and that is given up; then for each path its rays and its flux. PATH_PARTED counts rays that were not launched
-// but parted from others.
-enum { PATH_DETECTED, PATH_ESCAPED, PATH_BOUNCE_LIMIT, PATH_FAILED, PATH_PARTED, PATH_ABSORBED };
+// The sums, in order: rays by how they end; rays absorbed at each element; weight that stays at each element, escapes,
+// or ends at the bounce limit; rays and flux of each path. PATH_SPLIT counts rays that split from others.
+enum { PATH_DETECTED, PATH_ESCAPED, PATH_BOUNCE_LIMIT, PATH_FAILED, PATH_SPLIT, PATH_ABSORBED };
 #define MAX_SUMS 200   // PATH_ABSORBED + 2 x 20 elements + 2 + 2 x 64 paths
 
-// Weights that stay are whole numbers of these: 2^43 rays fit a sum.
+// Fixed-point scale of weights that stay: a sum holds 2^43 rays of weight 1.
 #define STAYING_ONE 0x1p20f
-#define STAYING_MOST 2000.0f   // times STAYING_ONE it fits an int
+#define STAYING_MOST 2000.0f   // the largest weight that, times STAYING_ONE, fits an int
 
-// paths, a path that is kept: scale makes weights whole numbers below 2^31, so that 2^33 rays fit a sum; kind: the
-// strangest of its events, an EVENT_*; class_scale: the same for the images of all paths of that kind.
+// A work-item's view of the trace. In paths: scale turns a path's weights into whole numbers below 2^31, so that a sum
+// holds 2^33 rays; kind is its highest event class, an EVENT_*; class_scale is the scale of that class's images.
 typedef struct {
     __constant Scene *scene;
     __constant Element *elements;
@@ -26,13 +25,13 @@ typedef struct {
     __global uint *found;         // number of entries, then (low, high, weight's bits) of detected rays
     const PathJob *job;
     RayStack *stack;
-    ulong *own;                   // the work-item's part of sums, added to them at its end
+    ulong *own;                   // the work-item's own sums, added to sums at its end
     int column, row;              // the screen pixel
 } Trace;
 
 INLINE void count_rays(const Trace *trace, int fate, uint count) { trace->own[fate] += count; }
 
-// Adds weight that stays; place: an element, or beyond them 0: escaped, 1: given up.
+// Adds weight that stays. place: an element's number, or element_count (escaped), element_count + 1 (bounce limit).
 INLINE void count_weight_of(const Trace *trace, int place, real weight) {
     trace->own[PATH_ABSORBED + trace->job->element_count + place] += (ulong)((float)weight * STAYING_ONE + 0.5f);
 }
@@ -47,7 +46,7 @@ INLINE void count_weight(const Trace *trace, int place, maskv stays, realv weigh
     trace->own[PATH_ABSORBED + trace->job->element_count + place] += sum_lanes(to_int(counted));
 }
 
-// Keeps one detected ray at (u, v) of the detector's frame, whose z runs along the light: the image is upside down.
+// Records one detected ray at (u, v) in the detector's frame. Its z runs along the light, so the image is upside down.
 INLINE void detect(const Trace *trace, real u, real v, real weight, uint low, uint high) {
     const Launch *launch = trace->launch;
     __constant Scene *scene = trace->scene;
@@ -67,7 +66,7 @@ INLINE void detect(const Trace *trace, real u, real v, real weight, uint low, ui
     }
     int p = 0;
     while (p < trace->job->path_count - 1 && (trace->paths[p].low != low || trace->paths[p].high != high)) ++p;
-    const Path path = trace->paths[p];   // the last one stands for all others
+    const Path path = trace->paths[p];   // the last entry stands for all other paths
     const int base = PATH_ABSORBED + 2 * trace->job->element_count + 2 + 2 * p;
     trace->own[base] += 1;
     trace->own[base + 1] += (ulong)((float)weight * path.scale + 0.5f);
@@ -78,9 +77,9 @@ INLINE void detect(const Trace *trace, real u, real v, real weight, uint low, ui
     sum64_add(trace->images, (first + launch->screen_columns + trace->row) * pixels + pixel, amount);
 }
 
-// Back to the world, from the origin of the element's own group.
-INLINE void interaction_end(__constant Element *element, Rays *rays, int v, int number, maskv meets, realv bound, realv step,
-                            const Interaction *at) {
+// Writes the rays back in world axes, from the origin of the element's own group, with the event added to their paths.
+INLINE void interaction_end(__constant Element *element, Rays *rays, int v, int number, maskv meets, realv bound,
+                            realv step, const Interaction *at) {
     __constant real *o = element->origin;
     const vec3v p = to_world(element, at->point), d = to_world(element, at->goes);
     rays->x[v] = meets ? p.x + o[0] : rays->x[v];
@@ -102,39 +101,38 @@ INLINE void interaction_end(__constant Element *element, Rays *rays, int v, int 
     rays->group[v] = here != 0 ? (intv)(element->group) : rays->group[v];
 }
 
-// Of elements that do not scatter: all light stays specular, and none parts.
+// The scatter model `none`: all light stays specular, and no ray splits.
 #define none_left(trace, number, at) ((realv)(1))
-#define none_part(trace, rays, v, number, meets, at)
+#define none_split(trace, rays, v, number, meets, at)
 
-// Rays go on from an element (leave_*), and end there (tally_*, where `meets`; returns which). left: share of the light
-// that does not scatter.
+// For each kind of element: leave_* writes back the rays that continue; tally_* counts what stays there and returns the
+// rays that end. left: share of the light that does not scatter.
 #define leave_mirror interaction_end
 #define leave_lens interaction_end
-#define leave_wall interaction_end
+#define leave_diffuser interaction_end
 #define leave_detector interaction_end
-#define leave_absorber(...)   // nothing leaves it
-#define FINISH(kind, staying)                                                                                \
-    INLINE maskv tally_##kind(const Trace *trace, const Rays *rays, int v, int number, maskv meets,         \
-                               const Interaction *at, realv left) {                                          \
-        const maskv ended = meets & at->ends;                                                                \
-        count_rays(trace, PATH_ABSORBED + number, lanes_in(ended));                                          \
-        count_weight(trace, number, meets & (at->absorbed > 0), at->arriving * at->absorbed * (staying));    \
-        return ended;                                                                                        \
-    }
-FINISH(mirror, 1)
-FINISH(lens, 1)
-FINISH(absorber, 1)
-FINISH(wall, left)
+#define leave_absorber(...)   // nothing leaves an absorber
+INLINE maskv tally_absorbed(const Trace *trace, int number, maskv meets, const Interaction *at, realv staying) {
+    const maskv ended = meets & at->ends;
+    count_rays(trace, PATH_ABSORBED + number, lanes_in(ended));
+    count_weight(trace, number, meets & (at->absorbed > 0), at->arriving * at->absorbed * staying);
+    return ended;
+}
+#define tally_mirror(trace, rays, v, number, meets, at, left) tally_absorbed(trace, number, meets, at, (realv)(1))
+#define tally_lens tally_mirror
+#define tally_absorber tally_mirror
+#define tally_diffuser(trace, rays, v, number, meets, at, left) tally_absorbed(trace, number, meets, at, left)
 
-INLINE maskv tally_detector(const Trace *trace, const Rays *rays, int v, int number, maskv meets, const Interaction *at,
-                             realv left) {
+INLINE maskv tally_detector(const Trace *trace, const Rays *rays, int v, int number, maskv meets,
+                            const Interaction *at, realv left) {
     const maskv front = meets & (dot3(at->along, at->normal) > 0), back = meets & !front;
     count_rays(trace, PATH_ABSORBED + number, lanes_in(back));
     count_weight(trace, number, back, at->arriving);
     for (ulong lanes = mask_word(front); lanes != 0; lanes &= lanes - 1) {
         const int k = lowest_lane(lanes);
-        detect(trace, ((const real *)&at->point.x)[k], ((const real *)&at->point.y)[k], ((const real *)&rays->weight[v])[k],
-               ((const uint *)&rays->path_low[v])[k], ((const uint *)&rays->path_high[v])[k]);
+        detect(trace, ((const real *)&at->point.x)[k], ((const real *)&at->point.y)[k],
+               ((const real *)&rays->weight[v])[k], ((const uint *)&rays->path_low[v])[k],
+               ((const uint *)&rays->path_high[v])[k]);
     }
     return meets;
 }
