@@ -1,9 +1,8 @@
-"""Where the forward estimator's rays are aimed: at the whole mirror, or at the part of it that the camera sees lit.
+"""Aims of the forward estimator's rays: the whole mirror, or only the part that sends light into the camera.
 
-A screen pixel lights the whole mirror, but only from a part of it does its light come into the camera's aperture. Both
-aims are ellipses in the direction cosines of the screen's frame, over which Lambertian light is uniform. All rays
-weigh the same: the ellipses that are aimed at the camera have one and the same share of the area of those that cover
-the mirror.
+A screen pixel lights the whole mirror, but only part of the mirror sends this light into the camera's aperture. Both
+aims are ellipses in the direction cosines of the screen's frame, where Lambertian light is uniform. All rays have the
+same weight: every ellipse aimed at the camera has the same share of the area of the ellipse that covers the mirror.
 """
 
 from __future__ import annotations
@@ -18,18 +17,18 @@ from irtscots_cl.optics.chief_rays import RIM, ChiefRays, chief_rays
 from irtscots_cl.scene.model import Scene
 
 RIM_POINTS = 32  # of the mirror, to fit its ellipse
-MARGIN = 1e-4  # of the mirror's ellipse, for what is not an ellipse between the rim points
-SLACK = 0.25  # screen pixels beyond what the chief rays say that can light a detector pixel; doubled where too little
+MARGIN = 1e-4  # of the mirror's ellipse, because the rim between the rim points is not an exact ellipse
+SLACK = 0.25  # screen pixels added to the chief rays' range that can light a detector pixel; doubled if too small
 MAX_SLACK = 8.0
-CHECK_RAYS = 2**15  # from the camera, to check that its aim covers all that they find
-PAIRS = 2**18  # of a screen and a detector pixel, handled at a time: bounds the memory
+CHECK_RAYS = 2**15  # from the camera, to check that the aim covers all directions they find
+PAIRS = 2**18  # of a screen and a detector pixel, processed at a time: limits the memory
 
 
 @dataclass(frozen=True)
 class Aim:
     """Ellipses of n screen pixels in direction cosines (l, m): centre [n, 2] + root [n, 2, 2] times the unit disk.
 
-    root is lower triangular. share: of their area in that of the ellipses that cover the mirror.
+    root is lower triangular. share: their area divided by the area of the ellipses that cover the mirror.
     """
 
     centre: np.ndarray
@@ -41,7 +40,7 @@ class Aim:
         return np.pi * self.root[:, 0, 0] * self.root[:, 1, 1]
 
     def overfilled(self, overfill: float) -> Aim:
-        """The same with that many times the area."""
+        """The same ellipses with `overfill` times the area."""
         return Aim(self.centre, self.root * np.sqrt(overfill), self.share)
 
     def holds(self, pixel: np.ndarray, cosines: np.ndarray) -> np.ndarray:
@@ -51,7 +50,7 @@ class Aim:
 
 @lru_cache(maxsize=4)
 def mirror_aim(scene: Scene) -> Aim:
-    """The least ellipses that cover the mirror from every point of the screen pixel."""
+    """The smallest ellipses that cover the mirror from every point of the screen pixel."""
     chief = chief_rays(scene)
     frame, surface, pitch = chief.screen_frame, chief.surface, scene.screen.pitch_mm
     x, y = pixel_centres(chief)
@@ -69,7 +68,7 @@ def _covering(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch
     cosines = (rays / distance) @ frame.axes[:2].T
     centre = cosines.mean(1)
     spread = cosines - centre[:, None, :]
-    # Points spread evenly in angle over an ellipse's rim have half its shape matrix as covariance.
+    # Points at equal angles on an ellipse's rim have half its shape matrix as covariance.
     root = np.linalg.cholesky(2 * np.einsum("nki,nkj->nij", spread, spread) / rim.shape[0])
     reach = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
     return centre, _widened(root * (reach * (1 + MARGIN))[:, None, None], pitch * np.sqrt(0.5) / distance.min((1, 2)))
@@ -79,8 +78,8 @@ def _covering(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch
 def camera_aim(scene: Scene) -> Aim:
     """Ellipses of equal shares of the mirror's that hold every direction in which light reaches the camera.
 
-    They hold what the chief rays say, and are checked with rays from all over the aperture. Where the camera sees
-    nearly all of the mirror lit by some screen pixel, this is the mirror's aim.
+    They come from the chief rays and are checked with rays through the whole aperture. If the camera sees nearly all of
+    the mirror lit by some screen pixel, this is the mirror's aim.
     """
     chief, whole = chief_rays(scene), mirror_aim(scene)
     slack = SLACK
@@ -144,11 +143,11 @@ def _footprint_directions(chief: ChiefRays, whole: Aim, slack: float):
 
 
 def _landing(chief: ChiefRays, margin_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where on the screen each detector pixel's light comes from, under its local linear map.
+    """The place on the screen that each detector pixel's light comes from, by its local linear map.
 
-    Near a caustic that map tells little, and landing_range more. centre [rows, columns, 2] mm; to_aperture [rows,
-    columns, 2, 2], from there to the camera's aperture, in its radii; reach [rows, columns], in the same: pixels whose
-    centres are closer light it, widened by margin_mm.
+    Near a caustic this map says little, and landing_range says more. Returns centre [rows, columns, 2] in mm;
+    to_aperture [rows, columns, 2, 2], the map from there to the camera's aperture, in its radii; reach [rows, columns],
+    also in radii: screen pixels whose centres are closer light the pixel. reach is widened by margin_mm.
     """
     rim = np.stack(chief.rims[1:], -1)
     centre = rim.mean(-2)
@@ -164,7 +163,7 @@ def _landing(chief: ChiefRays, margin_mm: float) -> tuple[np.ndarray, np.ndarray
 
 
 def _blur(chief: ChiefRays) -> float:
-    """How far directions reach beyond those from a pixel's centre to footprints: half a pixel, the aperture's blur."""
+    """How far directions extend beyond those from a pixel's centre to footprints: half a pixel plus aperture blur."""
     mirror, screen = chief.rims[0][chief.sees_mirror], chief.scene.screen
     blur = np.nanmax(np.linalg.norm(mirror - np.nanmean(mirror, -2, keepdims=True), axis=-1), initial=0.0)
     distance = np.nanmin(np.linalg.norm(mirror - np.array(screen.position_mm), axis=-1))
@@ -173,7 +172,7 @@ def _blur(chief: ChiefRays) -> float:
 
 
 def _directions_from_camera(chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
-    """Screen pixels [k] and directions [k, 2] of light that comes into the camera, from reverse rays; half of them
+    """Screen pixels [k] and directions [k, 2] of light that enters the camera, from reverse rays; half of them pass
     through the aperture's rim."""
     random, (rows, columns) = np.random.default_rng(0), chief.shape
     row, column = random.random((2, CHECK_RAYS)) * [[rows], [columns]] - 0.5
@@ -203,13 +202,13 @@ def pixel_centres(chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _radius_in_ellipse(root: np.ndarray, centre: np.ndarray, pixel: np.ndarray, cosines: np.ndarray) -> np.ndarray:
-    """How far out directions [k, 2] lie in the ellipses of the pixels [k]: 1 on their rim."""
+    """Relative radius of directions [k, 2] in the ellipses of the pixels [k]: 1 on their rim."""
     l, m = (cosines - centre[pixel]).T
     first = l / root[pixel, 0, 0]
     return np.hypot(first, (m - root[pixel, 1, 0] * first) / root[pixel, 1, 1])
 
 
 def _widened(root: np.ndarray, by: np.ndarray | float) -> np.ndarray:
-    """Ellipses [n, 2, 2] grown so that they hold whatever lies within that distance of them."""
+    """Ellipses [n, 2, 2] enlarged to contain all points within that distance of them."""
     shortest = np.linalg.svd(root, compute_uv=False)[:, -1]
     return root * (1 + by / shortest)[:, None, None]

@@ -1,6 +1,6 @@
-"""Chief-ray calibration in float64: what each detector pixel sees of the mirror, and where on the screen.
+"""Chief rays in float64: the part of the mirror that each detector pixel sees, and the place on the screen.
 
-The measuring half calibrates the nominal scene; the tracer calibrates the true one to place its windows.
+The measurement uses the chief rays of the nominal scene; the tracer uses those of the true scene to place its windows.
 All maps have the detector's shape [rows, columns]; coordinates in mm.
 """
 
@@ -17,19 +17,20 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system.memory import check_memory
 
-BYTES_PER_PIXEL = 1900  # of the maps and what is in memory beside them while they are made; measured
-SUBPIXELS = 16  # per axis, in pixels that the mirror's edge crosses: footprint areas to about half a percent
+BYTES_PER_PIXEL = 1900  # peak memory while the maps are made; measured
+SUBPIXELS = 16  # per axis, in pixels that the mirror's edge crosses: footprint areas are accurate to about 0.5 %
 RIM = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], -1)
 
 
 @dataclass(frozen=True)
 class Footprint:
-    """What the detector pixels see of the mirror.
+    """The part of the mirror that the detector pixels see.
 
-    x_mm, y_mm: the centroid of the part of the pixel's footprint that lies on the mirror (NaN where there is none).
-    u_mm, v_mm: the mean of that part's chief rays on the screen's plane, in the screen's frame. It is not quite where
-    the chief ray of the centroid lands: over a footprint the landing point is not a linear function.
-    coverage: that part as a fraction of the footprint.
+    x_mm, y_mm: the centroid of the part of the pixel's footprint that lies on the mirror (NaN if there is none).
+    u_mm, v_mm: the mean of that part's chief rays on the screen's plane, in the screen's frame. It differs
+    slightly from the landing point of the centroid's chief ray, because the landing point is not linear over a
+    footprint.
+    coverage: the fraction of the footprint that lies on the mirror.
     """
 
     x_mm: np.ndarray
@@ -72,7 +73,7 @@ class ChiefRays:
     def reverse(self, row, column, a_mm=0.0, b_mm=0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Trace from image points backwards through aperture point (a, b).
 
-        Returns the mirror points [..., 3] (NaN where the surface is missed; its rim is not looked at) and the
+        Returns the mirror points [..., 3] (NaN where a ray misses the surface; the rim is ignored) and the
         crossings (u, v) of the screen's plane in the screen's frame [mm].
         """
         camera, frame = self.scene.camera, self.camera_frame
@@ -142,8 +143,8 @@ class ChiefRays:
     def landing_range(self) -> tuple[np.ndarray, np.ndarray]:
         """Screen columns and rows (fractional indices) that can light each pixel.
 
-        Returns (lowest, highest), each [rows, columns, 2] in the order column, row: from the pixel's corners by chief
-        rays, widened by the aperture's image. NaN where no ray returns.
+        Returns (lowest, highest), each [rows, columns, 2] in the order column, row. The range comes from the chief rays
+        of the pixel's corners, widened by the aperture's image. NaN where no ray reaches the screen.
         """
         screen = self.scene.screen
         _, corner_u, corner_v = self.corners
@@ -159,7 +160,7 @@ class ChiefRays:
         return np.stack(lowest, -1), np.stack(highest, -1)
 
     def light_shape(self, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """A pixel's light along the screen's x (k = 0) or y (k = 1) under its local linear map, [rows, columns] mm.
+        """A pixel's light along the screen's x (k = 0) or y (k = 1) by its local linear map, [rows, columns] mm.
 
         Returns the half-width of the aperture's image, and the widths of the pixel's own image along its row step and
         its column step: the profile is the aperture's chord spread over these two boxes.
@@ -173,9 +174,9 @@ class ChiefRays:
 
 @lru_cache(maxsize=4)
 def chief_rays(scene: Scene) -> ChiefRays:
-    """The calibration of a scene, shared by all who ask for the same one: its maps are computed once.
+    """The chief rays of a scene. Calls with the same scene share one result: its maps are computed once.
 
-    Raises ValueError if the detector has more pixels than the memory can hold maps of.
+    Raises ValueError if the memory cannot hold maps of so many detector pixels.
     """
     columns, rows = scene.camera.detector.pixels
     check_memory(f"scene {scene.name}: camera.detector.pixels = {[columns, rows]}", columns * rows * BYTES_PER_PIXEL)
@@ -183,9 +184,9 @@ def chief_rays(scene: Scene) -> ChiefRays:
 
 
 def check_visible(chief: ChiefRays, source: str) -> None:
-    """Refuse a scene whose detector sees no mirror or whose mirror shows no screen pixel to the detector.
+    """Raise SceneError if the detector does not see the mirror, or sees no screen pixel in it.
 
-    source: the scene's file or preset, for the message. Raises SceneError.
+    source: the scene's file or preset, for the message.
     """
     scene = chief.scene
     if not chief.sees_mirror.any():

@@ -1,4 +1,4 @@
-"""The transport map's windows: which screen pixels are kept for each detector pixel."""
+"""The transport map's windows: the screen pixels stored for each detector pixel."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Windows:
 
 @lru_cache(maxsize=8)
 def place_windows(chief: ChiefRays, margin: int) -> Windows:
-    """Windows of equal size around what the chief rays say, widened by margin screen pixels and kept on the screen."""
+    """Windows of equal size around the chief rays' landing ranges, widened by margin pixels, inside the screen."""
     pixels = np.flatnonzero(chief.sees_mirror)
     lowest, highest = (edge.reshape(-1, 2)[pixels] for edge in chief.landing_range())
     size = np.array(chief.scene.screen.pixels)
@@ -45,5 +45,5 @@ def place_windows(chief: ChiefRays, margin: int) -> Windows:
     columns, rows = extent[on_screen].max(0)
     origins = np.clip(first, 0, size - [columns, rows]).astype(np.int32)
     for array in (pixels, origins):
-        array.setflags(write=False)  # shared by all who ask for the same windows
+        array.setflags(write=False)  # the result is shared between calls
     return Windows(pixels, origins, int(rows), int(columns))

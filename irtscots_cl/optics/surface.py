@@ -1,6 +1,6 @@
 """The mirror's surface in float64 on the host: sag, slopes and where lines meet it. Mirror frame, mm.
 
-The device kernels have their own single-precision twins (kernels/mirror/surface_*.cl, kernels/mirror/mirror_*.cl).
+The device kernels have their own single-precision versions (kernels/mirror/surface_*.cl, kernels/mirror/mirror_*.cl).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from irtscots_cl.maths.quadric import Quadric
 from irtscots_cl.maths.zernike.indices import index_to_nm
 from irtscots_cl.maths.zernike.series import RadialSeries, evaluate_series, radial_series
 
-_BESIDE = np.errstate(over="ignore", invalid="ignore")  # far beside the mirror polynomials overflow: no light is there
+_BESIDE = np.errstate(over="ignore", invalid="ignore")  # polynomials overflow far outside the mirror
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Surface:
     def meet(self, points_mm, directions, newton_steps: int = 2) -> tuple[np.ndarray, np.ndarray]:
         """Follow rays from world points [..., 3] along directions [..., 3] to the surface.
 
-        Returns the points [..., 3] met (NaN where the surface is missed; the aperture is not looked at) and the
+        Returns the points [..., 3] (NaN where a ray misses the surface; the aperture is ignored) and the
         directions after reflection [..., 3] (not normalised).
         """
         p, q = directions[..., 0] / directions[..., 2], directions[..., 1] / directions[..., 2]
@@ -83,7 +83,7 @@ class Surface:
         base = z = self.quadric.meet(x0, y0, p, q)
         x, y = x0 + p * z, y0 + q * z
         slope_x, slope_y = self.quadric.gradient(x, y, z)
-        # polynomials explode outside their disk: 2 % outside it, beside any mirror, the design stands for the surface
+        # polynomials grow fast outside their disk: from 2 % outside, beyond any mirror, use the design surface
         defined = np.hypot(x, y) <= 1.02 * self.deviation_radius_mm
         for _ in range(newton_steps if self.deviation is not None else 0):
             height = np.where(defined, self.deviation_at(x, y)[0], 0.0)

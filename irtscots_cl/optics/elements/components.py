@@ -1,4 +1,4 @@
-"""All elements of a scene as a non-sequential trace meets them: mirror, camera and whatever stands about them."""
+"""The components of a non-sequential trace: the mirror, the camera and the scene's further elements."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.model import Scene
 
-STOP_RIM = 4.0  # radius of the camera's front plate, over the detector's diagonal: nothing passes it by
-FAR_MM = 1000.0  # from the origins of groups, from which on an element has an origin of its own
+STOP_RIM = 4.0  # radius of the camera's front plate, in detector diagonals: no light passes outside it
+FAR_MM = 1000.0  # distance from the origins of groups beyond which an element has its own origin
 PLANE = Quadric(0.0, 0.0, 0.0)
 REFRACTORS = ("refractor", "coated")  # kinds between two media
-COPLANAR = 1e-9  # relative: an element so near the screen's plane lies in it
+COPLANAR = 1e-9  # relative distance below which an element lies in the screen's plane
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,8 @@ class Component:
     """One element. shape: "plane", "quadric" or "deviated"; kind: of a kernels/elements/interact_*.cl.
 
     frame: z towards its front (the detector's and the camera's lens: along the light). outer_mm, inner_mm: radii of the
-    aperture; half_mm: of its width and height. reflectance: of a refractor, NaN for Fresnel's. scatter: a
-    scatter.ScatterModel, or None.
+    aperture; half_mm: half of its width and height. reflectance: of a refractor; NaN means Fresnel's. scatter: a
+    ScatterModel (scene/scatter/lobe.py), or None.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Component:
 
     @property
     def rim_mm(self) -> float:
-        """Radius of the least disk about its vertex that holds its aperture."""
+        """Radius of the smallest disk about the vertex that contains the aperture."""
         return float(min(self.outer_mm, np.hypot(*self.half_mm)))
 
     @property
@@ -84,12 +84,12 @@ def _camera(scene: Scene) -> list[Component]:
 
 
 def _element(element: Element) -> Component:
-    # a frame looks away from where its z points
+    # a frame's z points away from the point it looks at
     away = 2 * np.array(element.position_mm) - np.array(element.facing_mm)
     curved = element.radius_mm is not None
     quadric = PLANE
     if curved:
-        # a centre behind the front: the same conic, looked at from the other side
+        # centre behind the surface: the same conic, seen from the other side
         quadric = Quadric.conic(abs(element.radius_mm), element.conic, element.off_axis_mm)
         if element.radius_mm < 0:
             quadric = Quadric(-quadric.q_xx, -quadric.q_yy, -quadric.q_zz, quadric.q_xz)
@@ -107,7 +107,7 @@ def _element(element: Element) -> Component:
 
 
 def _kind(element: Element) -> str:
-    """Of the part: by kernels/elements/interact_*.cl."""
+    """Kind of the component, the name of a kernels/elements/interact_*.cl file."""
     if element.kind == "refractor":
         return "refractor" if element.coating_index is None else "coated"
     if element.kind in ("absorber", "detector"):
@@ -125,9 +125,9 @@ class Target:
 
 
 def targets_of(scene: Scene) -> tuple[Target, ...]:
-    """Disks that scattered rays are aimed at beside what their lobe says: where light that counts goes.
+    """Disks that scattered rays are aimed at, in addition to their lobe, because light there matters.
 
-    The camera's aperture; where not only the mirror scatters, the detector and the mirror; important elements.
+    They are the camera's aperture; the detector and the mirror, if not only the mirror scatters; important elements.
     """
     components = {component.name: component for component in components_of(scene)}
     camera = scene.camera
@@ -139,7 +139,7 @@ def targets_of(scene: Scene) -> tuple[Target, ...]:
 
 
 def groups_of(scene: Scene, components: tuple[Component, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Origins [groups, 3] that the rays' positions are told from, and each part's group [parts]; 1 is the screen's."""
+    """Origins [groups, 3] of the rays' positions, and the group of each component [components]; 1 is the screen's."""
     origins = [np.zeros(3), np.array(scene.screen.position_mm), np.array(scene.camera.position_mm)]
     numbers = []
     for component in components:
@@ -152,7 +152,7 @@ def groups_of(scene: Scene, components: tuple[Component, ...]) -> tuple[np.ndarr
 
 
 def on_screen(scene: Scene, components: tuple[Component, ...]) -> int:
-    """Number of the plane part that lies in the screen's plane, on which rays start; -1 if there is none."""
+    """Number of the plane component in the screen's plane, on which rays start; -1 if there is none."""
     screen = Frame.looking(scene.screen.position_mm, scene.screen.look_at_mm)
     size = np.linalg.norm(screen.position_mm)
     for number, component in enumerate(components):

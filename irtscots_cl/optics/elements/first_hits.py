@@ -1,6 +1,6 @@
-"""Which elements rays can meet in their first steps: what is ruled out here, the kernels need not look for.
+"""The elements that rays can meet in their first steps. The kernels do not test the others.
 
-All bounds are of the whole screen and the whole emission together, with margins far above what they leave out.
+All bounds hold for the whole screen and the whole emission, with margins far above the errors of the bounds.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ import numpy as np
 from irtscots_cl.maths.frame import Frame
 from irtscots_cl.optics.elements.components import Component
 
-MIN_COSINE = 0.05  # of rays with the normal of a plane that they leave behind
-MIN_ANGLE = np.radians(5.0)  # between what a mirror reflects and where it could be met again
-NEAR = 1e-6  # relative: rays that start so near a plane may meet it
+MIN_COSINE = 0.05  # between rays and the normal of a plane that they run away from
+MIN_ANGLE = np.radians(5.0)  # between the mirror's reflected light and directions that could meet it again
+NEAR = 1e-6  # relative distance below which rays that start near a plane may meet it
 RINGS, SPOKES = 3, 32  # of points on the mirror
 ALL = 0xFFFFFFFF
 
 
 def may_meet(components: tuple[Component, ...], screen: Frame, sources: np.ndarray, pitch_mm: float) -> tuple[int, int]:
-    """Bits of the elements that rays may meet first and second.
+    """Bits of the elements that rays may meet first, and second.
 
-    sources: interface.emitter_dtype. parts[0] is the mirror.
+    sources: structs.emitter_dtype. components[0] is the mirror. pitch_mm: of the screen.
     """
     starts, directions = _emission(screen, sources, pitch_mm)
     first = [number for number, component in enumerate(components) if not _leaves_behind(component, starts, directions)]
@@ -32,7 +32,7 @@ def may_meet(components: tuple[Component, ...], screen: Frame, sources: np.ndarr
 
 
 def _emission(screen: Frame, sources: np.ndarray, pitch_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Corners [4, 3] of the screen, and directions [n, 3] whose cone holds all rays; none where it is too wide."""
+    """Corners [4, 3] of the screen, and directions [n, 3] whose cone contains all rays; none if it is too wide."""
     u, v = (sources[axis].astype(float) for axis in ("x", "y"))
     rim_u, rim_v = (np.array([c.min() - pitch_mm / 2, c.max() + pitch_mm / 2]) for c in (u, v))
     corners = np.stack(np.meshgrid(rim_u, rim_v), -1).reshape(-1, 2)
@@ -48,7 +48,7 @@ def _emission(screen: Frame, sources: np.ndarray, pitch_mm: float) -> tuple[np.n
 
 
 def _leaves_behind(component: Component, starts: np.ndarray, directions: np.ndarray) -> bool:
-    """Whether a plane part lies behind all rays: they start on one side of it and all go away from it."""
+    """Whether a plane component lies behind all rays: they start on one side of it and all run away from it."""
     if component.shape != "plane" or not len(directions):
         return False
     away = (starts - component.frame.position_mm) @ component.frame.axes[2]
@@ -58,7 +58,7 @@ def _leaves_behind(component: Component, starts: np.ndarray, directions: np.ndar
 
 
 def _meets_again(mirror: Component, starts: np.ndarray) -> bool:
-    """Whether light from the screen that the mirror reflects could meet it again, by the angles with its normals."""
+    """Whether reflected light from the screen could meet the mirror again, by the angles with its normals."""
     radius = mirror.outer_mm * np.arange(RINGS + 1) / RINGS
     angle = np.arange(SPOKES) * (2 * np.pi / SPOKES)
     x, y = np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()
@@ -67,12 +67,12 @@ def _meets_again(mirror: Component, starts: np.ndarray) -> bool:
     normals = np.stack([-slope_x, -slope_y, np.ones_like(x)], -1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     largest = np.arccos(_cosines(points, normals, starts).min())
-    with np.errstate(invalid="ignore"):  # of a point with itself
+    with np.errstate(invalid="ignore"):  # for a point and itself
         again = np.arccos(np.nanmax(_cosines(points, normals, points)))
     return not largest + MIN_ANGLE < again
 
 
 def _cosines(points: np.ndarray, normals: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """[points, others]: of the normals with the directions to the others."""
+    """Cosines [points, others] between the normals and the directions to the other points."""
     to = others[None] - points[:, None]
     return np.einsum("pk,pok->po", normals, to) / np.linalg.norm(to, axis=-1)

@@ -1,4 +1,4 @@
-"""The media between elements: what a ray is in, checked."""
+"""Checks of the media between elements."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ SAME_INDEX = 1e-9
 
 
 def check_media(scene: Scene, components: tuple[Component, ...]) -> None:
-    """Refuse, with a SceneError, refractive indices that do not fit: each element looks along its axis to the next.
+    """Raise SceneError if refractive indices do not match: each element is compared with the next along its axis.
 
-    Between two interfaces that face each other there is one medium; beside the outermost ones there is air.
+    There must be one medium between two interfaces that face each other, and air outside the outermost ones.
     """
     refractors = [component for component in components if component.refracts]
     for component in refractors:
@@ -36,7 +36,7 @@ def check_media(scene: Scene, components: tuple[Component, ...]) -> None:
 
 
 def _step_to(component: Component, sign: float, other: Component) -> float | None:
-    """Where the axis of a part meets another one, from its vertex to its front (1) or back (-1); None: nowhere."""
+    """Distance along a component's axis to another one, from its vertex to the front (1) or back (-1); None: no hit."""
     at = other.frame.axes @ (component.frame.position_mm - other.frame.position_mm)
     along = sign * (other.frame.axes @ component.frame.axes[2])
     if abs(along[2]) < COPLANAR:

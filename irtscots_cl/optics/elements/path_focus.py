@@ -1,4 +1,4 @@
-"""How sharp the light of a path lands: focus and blur to first order."""
+"""Focus and blur of a path's light on the detector, to first order."""
 
 from __future__ import annotations
 
@@ -8,22 +8,23 @@ from irtscots_cl.maths.frame import Frame
 from irtscots_cl.optics.elements.components import Component
 from irtscots_cl.optics.elements.sequential_rays import SCATTER, trace_sequence, unit
 
-FIRST_ORDER = 1e-3  # of the stop's radius, by which close rays pass the stop's centre
+FIRST_ORDER = 1e-3  # of the stop's radius: distance of the close rays from the stop's centre
 NO_FOCUS = (float("nan"), float("nan"))
 
 
 def path_focus(components: tuple[Component, ...], events) -> tuple[float, float]:
-    """How sharp the light of a path is on the detector, to first order: focus_mm and blur_mm.
+    """Focus and blur of a path's light on the detector, to first order: focus_mm and blur_mm.
 
-    The object is a point of the path's last scatterer, or else of the mirror where the path meets it last, or else of
-    the last element in front of the stop: the point that the camera's line of sight, the normal of the stop through its
-    centre, leads back to. From there the chief ray goes through the stop's centre, and close ones beside it, to the
-    detector by the path's further events.
+    The object is a point of the path's last scatterer; else of the mirror where the path last meets it; else of the
+    last element in front of the stop. The camera's line of sight, the normal through the stop's centre, leads back to
+    this point. From there the chief ray goes through the stop's centre, with close rays near it, to the detector by the
+    path's further events.
 
-    focus_mm: along the chief ray from the detector to where the close rays meet; negative before the detector. Where
-    the two meridians meet apart, their mean in vergence (one over the distance) just behind the path's last element, or
-    the stop if that comes later. blur_mm: diameter, of an ellipse the longer one, of what the object point lights on
-    the detector through the whole stop. NaN where there are no such rays, and for a scatterer behind the stop.
+    focus_mm: distance along the chief ray from the detector to where the close rays cross; negative before the
+    detector. If the two meridians cross at different points, their vergences (one over the distance) are averaged just
+    behind the path's last element, or the stop if that comes later. blur_mm: diameter (of an ellipse, the longer one)
+    of the spot that the object point lights on the detector through the whole stop. Both are NaN if there are no such
+    rays, or for a scatterer behind the stop.
     """
     stop = next(component for component in components if component.name == "stop")
     first, entry = _object_and_entry(components, events, stop.frame)
@@ -33,7 +34,7 @@ def path_focus(components: tuple[Component, ...], events) -> tuple[float, float]
     rest = events[first + 1 :]
     after = trace_sequence(components, rest, *fan)
     points, ways = (np.concatenate([start[None], then]) for start, then in zip(fan, after, strict=True))
-    leg = entry - first - 1  # on which the light goes through the stop
+    leg = entry - first - 1  # the leg on which the light goes through the stop
     at_stop = stop.frame.arrive(points[leg], ways[leg])
     at_detector = components[rest[-1][0]].frame.arrive(points[-1], ways[-2])
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -45,7 +46,7 @@ def path_focus(components: tuple[Component, ...], events) -> tuple[float, float]
 
 
 def _object_and_entry(components: tuple[Component, ...], events, stop: Frame) -> tuple[int, int]:
-    """Which event is the object's, -1 if none, and the first event after the light went through the stop for good."""
+    """The event of the object, or -1, and the first event after the light passes the stop for the last time."""
     depth = [(components[number].frame.position_mm - stop.position_mm) @ stop.axes[2] for number, _ in events]
     entry = 1 + max((k for k, z in enumerate(depth) if z < 0), default=-1)
     scatterers = [k for k, (_, event) in enumerate(events) if event == SCATTER]
@@ -54,7 +55,7 @@ def _object_and_entry(components: tuple[Component, ...], events, stop: Frame) ->
 
 
 def _fan(components: tuple[Component, ...], events, stop: Component) -> tuple[np.ndarray, np.ndarray]:
-    """Points and directions [5, 3] at the object, of the first event: the chief ray, and two each side of it."""
+    """Points and directions [5, 3] at the object for the first event: the chief ray and two rays on each side of it."""
     sight = -stop.frame.axes[2]
     start = stop.frame.position_mm
     points, ways = trace_sequence(components, events[::-1], start[None], sight[None])
@@ -72,18 +73,18 @@ def _across(direction) -> np.ndarray:
 
 
 def _spread(places) -> np.ndarray:
-    """How two coordinates [5] of a fan change with its two angles: [coordinate, angle]."""
+    """Derivatives [coordinate, angle] of two coordinates [5] of a fan by its two angles."""
     return np.stack([(place[1::2] - place[2::2]) / 2 for place in places])
 
 
 def _ratio(change: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """Matrix [2, 2] that takes one spread to another; not finite if there is none."""
+    """Matrix [2, 2] that maps one spread to another; not finite if there is none."""
     (a, b), (c, d) = of
     return change @ np.array([[d, -b], [-c, a]]) / (a * d - b * c)
 
 
 def _meeting(points, directions) -> float:
-    """Way along a fan's first ray from its point to where the others meet it, by their mean vergence there."""
+    """Distance along a fan's first ray from its point to where the other rays cross it, by their mean vergence."""
     chief, across = directions[0], _across(directions[0])
     place = _spread(Frame(points[0], np.stack([*across, chief])).arrive(points, directions))
     slope = _spread(across @ directions.T / (directions @ chief))

@@ -1,6 +1,6 @@
 """Light along a given sequence of elements, in float64 on the host. World frame, mm.
 
-The device kernels have their own twins (kernels/elements/element.cl, kernels/elements/interact_*.cl)."""
+The device kernels have their own versions (kernels/elements/element.cl, kernels/elements/interact_*.cl)."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from irtscots_cl.maths.quadric import Quadric
 from irtscots_cl.optics.elements.components import Component
 
 NOMINAL, GHOST, SCATTER = range(3)  # events: indices of paths.KINDS
-BEHIND = 1e-9  # relative to a ray's way: an element so little behind it touches where it stands
+BEHIND = 1e-9  # relative to the path length: an element so little behind a ray touches the one it stands on
 
 
 def trace_sequence(components: tuple[Component, ...], events, points_mm, directions) -> tuple[np.ndarray, np.ndarray]:
-    """Rays from points_mm along directions [n, 3] through events [(element number, event)] as of paths.events_of.
+    """Trace rays from points_mm along directions [n, 3] through events [(element number, event)]; see paths.events_of.
 
-    Returns points and unit directions [events, n, 3] after each. NaN from where on a ray misses a surface, is totally
-    reflected where it should be refracted, or goes where no law tells: on from a scatterer, an absorber, a mirror's
-    back. Surfaces are those of the design and are not cut off at their apertures.
+    Returns points and unit directions [events, n, 3] after each event. They are NaN from the event at which a ray
+    misses a surface, is totally reflected instead of refracted, or has no defined direction: after a scatterer, an
+    absorber or a mirror's back. Surfaces are those of the design, without limits by their apertures.
     """
     point, along = np.asarray(points_mm, float), np.asarray(directions, float)
     along = along / np.linalg.norm(along, axis=-1, keepdims=True)
@@ -38,8 +38,8 @@ def trace_sequence(components: tuple[Component, ...], events, points_mm, directi
 
 
 def _meet(component: Component, at, along, stands: bool) -> np.ndarray:
-    """Where rays meet the surface, in its frame: next to the vertex, or, if they stand on it, once more."""
-    back = np.zeros(len(at)) if stands else -np.sum(at * along, -1)  # from near the vertex all numbers are small
+    """Where rays meet the surface, in its frame: nearest the vertex, or the other root if they stand on it."""
+    back = np.zeros(len(at)) if stands else -np.sum(at * along, -1)  # starting near the vertex keeps all numbers small
     base = at + back[:, None] * along
     a = _form(component.quadric, along, along)
     b = _form(component.quadric, base, along) - along[:, 2]
@@ -49,7 +49,7 @@ def _meet(component: Component, at, along, stands: bool) -> np.ndarray:
     step = larger / a if stands else c / larger
     point = base + step[:, None] * along
     ahead = back + step > -BEHIND * (1 + np.abs(back))
-    # of a closed surface only the side whose normal points to the front; never of what is infinite or NaN
+    # only the side of a closed surface whose normal points to the front; never infinite or NaN
     front = component.quadric.q_zz * point[:, 2] + component.quadric.q_xz * point[:, 0] < 1
     return np.where((ahead & front)[:, None], point, np.nan)
 

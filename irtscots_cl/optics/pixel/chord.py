@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MIN_HALF_BOX = 1e-3  # of the same: narrower ones would lose digits in a difference
+MIN_HALF_BOX = 1e-3  # in radii: narrower boxes would lose digits in a difference
 
 
 def chord_cdf(t: np.ndarray) -> np.ndarray:
@@ -16,7 +16,7 @@ def chord_cdf(t: np.ndarray) -> np.ndarray:
 
 
 def chord_integrals(tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Second antiderivatives in tau, up to a constant, of what the chord at tau of the unit disk gives:
+    """Second antiderivatives in tau, up to a constant, of three quantities of the chord at tau of the unit disk:
 
     the share of the disk's area below it (paper Eq. 2), and the integrals over the chord of tau^2 and of the square of
     the position along it, times 3/2 (that is (1 - tau^2)^(3/2)). Continued past the disk, where the share is 0 or 1.
@@ -37,12 +37,12 @@ def chord_integrals(tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 @dataclass(frozen=True)
 class Chord:
-    """What n pixels' light does along one axis of the screen as it moves over the aperture, at the pixels' centres.
+    """How the light of n pixels, at their centres, moves along one axis of the screen as it moves over the aperture.
 
     normal: [2, n] unit direction on the aperture along which the landing point moves along that axis of the screen
-    alone, so that the screen's other edges cut all of a chord or nothing. Along it, per radius of the aperture:
-    slope, bend: [n] linear and quadratic term of the landing point [mm]; growth: [n] of cos^4, relative; mirror: [2, n]
-    of the mirror point [mm].
+    alone, so that the screen's other edges cut off either a whole chord or nothing. The others are per aperture radius
+    along it: slope, bend: [n] linear and quadratic term of the landing point [mm]; growth: [n] relative, of cos^4;
+    mirror: [2, n] move of the mirror point [mm].
     """
 
     normal: np.ndarray

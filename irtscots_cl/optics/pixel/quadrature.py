@@ -1,10 +1,10 @@
 """Quadrature over the part of each detector pixel that sees the mirror.
 
-A whole pixel is a grid of boxes. Where the mirror's rim crosses a pixel, its cells are intervals that end on the rim. A
-rim that is seen through the whole aperture is not one line: from the aperture point (a, b) it looks pushed aside, and
-cells on it carry by how much.
+A whole pixel is a grid of boxes. If the mirror's rim crosses a pixel, its cells are intervals that end on the rim. Seen
+through the whole aperture, the rim is not one line: from the aperture point (a, b) it appears shifted, and cells on it
+store the shift.
 
-Positions are s (along the column) and t (along the row), over half a pixel's edge; a and b over the aperture's radius.
+Positions are s (along the column) and t (along the row), in half pixel edges; a and b, in aperture radii.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from irtscots_cl.optics.pixel.ray_map import RayMap
 
-NEWTON_STEPS = 6  # for the rim's place in a pixel; it is nearly straight there
+NEWTON_STEPS = 6  # for the rim's position in a pixel, where the rim is nearly straight
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class PixelQuadrature:
     """m cells of the n pixels of a RayMap.
 
     pixel: [m] index into the map, in growing order. s, t: [m] centres. half_s, half_t: [m] half-lengths. weight: [m]
-    share of the pixel's area. push: [2, m] growth of that share per unit of a and b, by the rim's moving aside.
+    share of the pixel's area. push: [2, m] growth of that share per unit of a and b, by the shift of the rim.
     """
 
     pixel: np.ndarray
@@ -53,10 +53,10 @@ def whole_cells(pixel: np.ndarray, along_s: int, along_t: int) -> PixelQuadratur
 def cut_cells(
     maps: RayMap, pixel: np.ndarray, radius_mm: float, along: tuple[int, int], across: tuple
 ) -> PixelQuadrature:
-    """Cells of the parts of pixels [k] whose mirror points lie within radius_mm of the axis; none of no pixels.
+    """Cells of the parts of pixels [k] whose mirror points lie within radius_mm of the axis.
 
     Such a cell is an interval along s or t, whichever the rim crosses more steeply, at a Gauss point of the other.
-    along: intervals from side to rim, along s and along t. across: Gauss points, along s and along t.
+    along: number of intervals from side to rim, along s and along t. across: number of Gauss points, along s and t.
     """
     zero = np.zeros(len(pixel))
     chosen = maps.part(pixel)
@@ -69,14 +69,14 @@ def cut_cells(
 
 
 def join(parts: list[PixelQuadrature]) -> PixelQuadrature:
-    """All cells of the parts, pixel by pixel."""
+    """All cells of the given quadratures, pixel by pixel."""
     values = [np.concatenate([getattr(p, name) for p in parts], -1) for name in PixelQuadrature.__dataclass_fields__]
     order = np.argsort(values[0], kind="stable")
     return PixelQuadrature(*(v[..., order] for v in values))
 
 
 def without(outer: PixelQuadrature, hole: PixelQuadrature) -> PixelQuadrature:
-    """The outer part less the hole's, which lies inside it."""
+    """The outer quadrature minus the hole's, which lies inside it."""
     return join(
         [outer, PixelQuadrature(hole.pixel, hole.s, hole.t, hole.half_s, hole.half_t, -hole.weight, -hole.push)]
     )
@@ -101,7 +101,7 @@ def _cut_along(
         return (side * inward, across) if along == "s" else (across, side * inward)
 
     zero = np.zeros(len(pixel))
-    side = np.sign(_slope(maps, along, zero, zero))  # the mirror's side of the rim is where inward is small
+    side = np.sign(_slope(maps, along, zero, zero))  # inward is small on the mirror's side of the rim
     breaks = _breaks(lambda inward, across: _radius2(maps, *at(inward, across)) - radius_mm**2, len(pixel))
     point, weight = np.polynomial.legendre.leggauss(outer)
     start, length = breaks[:, :-1, None], np.diff(breaks, axis=1)[..., None]
@@ -138,10 +138,10 @@ def _cut_along(
 
 
 def _breaks(excess, count: int) -> np.ndarray:
-    """Where the rim leaves pixels through their inner and outer side: [count, 6], from -1 to 1, growing.
+    """Where the rim leaves pixels through their inner and outer sides: [count, 6], increasing from -1 to 1.
 
     excess(inward, across): squared distance beyond the rim; nearly quadratic along a side. A side without a crossing
-    repeats an end, which makes pieces of no length.
+    repeats an end, which gives pieces of zero length.
     """
     found = [np.full(count, -1.0), np.full(count, 1.0)]
     for inward in (-1.0, 1.0):

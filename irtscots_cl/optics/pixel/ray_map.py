@@ -1,10 +1,10 @@
-"""The local map of a detector pixel: where its light comes from on the mirror and on the screen, to second order.
+"""The local map of a detector pixel: the origin of its light on the mirror and on the screen, to second order.
 
-A ray that enters the camera is told by its point on the pixel and its point on the aperture. Where it lands on the
-screen and where it met the mirror are smooth functions of these four numbers; over one pixel a quadratic does. It is
-fitted to float64 rays, as the projection onto quadratics: its points have the second moments of a uniform pixel and
-aperture, so that what third-order terms of the aperture alone do on average is kept. The estimators that integrate
-light in closed form build on it.
+A ray that enters the camera is defined by its point on the pixel and its point on the aperture. Its points on the
+screen and on the mirror are smooth functions of these four numbers; over one pixel a quadratic suffices. The quadratic
+is fitted to float64 rays as a projection onto quadratics. The fit's points have the second moments of a uniform pixel
+and aperture, so the mean effect of third-order aperture terms is preserved. The estimators that integrate light in
+closed form use this map.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from irtscots_cl.optics.chief_rays import ChiefRays
 
 OUTPUTS = ("u", "v", "x", "y")  # landing point in the screen's frame, mirror point in the world's [mm]
-# Monomials of (s, t, a, b): position over the half pixel along the column and the row, over the aperture's radius.
+# Monomials of (s, t, a, b): position along column and row in half pixels, and on the aperture in radii.
 _POWERS = np.array([p for order in range(3) for p in product(range(3), repeat=4) if sum(p) == order])
 _INDEX = {tuple(p): k for k, p in enumerate(_POWERS.tolist())}
 
@@ -36,7 +36,7 @@ def _monomials(points: np.ndarray) -> np.ndarray:
 
 
 _POINTS = _design()
-RAYS = len(_POINTS)  # that a pixel's map is fitted to
+RAYS = len(_POINTS)  # to which a pixel's map is fitted
 _FIT = np.linalg.pinv(_monomials(_POINTS))
 
 
@@ -45,7 +45,7 @@ class RayMap:
     """Quadratic maps of n pixels.
 
     row, column: [n] of the pixels. coefficient: [15, 4, n] of the monomials of (s, t, a, b), for OUTPUTS. residual:
-    [2, n] rms of what the quadratic leaves of u and v [mm].
+    [2, n] rms residual of the fit in u and v [mm].
     """
 
     row: np.ndarray

@@ -1,9 +1,9 @@
-"""The light of a detector pixel in closed form: how much of it lands below a line, and where its centre is.
+"""The light of a detector pixel in closed form: the share below a line, and the centroid.
 
-Under a pixel's quadratic map (pixelmap.py) the aperture point (a, b) lands at u0 + p a + q b + Q(a, b). The light at
-u < t is then that of the aperture disk cut by a straight line, whose area is paper Eq. (2); the quadratic Q bends the
-line and the weight cos^4 varies along the disk, both to first order in closed form too. What remains, the pixel's own
-area, is summed over cells (cells.py).
+By a pixel's quadratic map (ray_map.py) the aperture point (a, b) lands at u0 + p a + q b + Q(a, b). The light at
+u < t is then that of the aperture disk cut by a straight line, whose area is paper Eq. (2). The quadratic Q bends the
+line and the weight cos^4 varies over the disk; both effects are included to first order in closed form. The integral
+over the pixel's own area is a sum over cells (quadrature.py).
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from irtscots_cl.optics.pixel.quadrature import PixelQuadrature, cut_cells, join
 from irtscots_cl.optics.pixel.ray_map import RayMap
 from irtscots_cl.scene.model import Scene
 
-MAX_RESIDUAL = 2e-3  # of the aperture image's radius: what a map's quadratic may leave
-MAX_BEND = 0.02  # of the same: beyond it the first order in Q is wrong by more than 4e-4
-MAX_PUSH = 0.02  # of a pixel: how far the rim may move aside over the aperture, to first order
-MAX_DIAGONAL = 1.0  # of a pixel on the mirror, over the radius of a rim or hole that crosses it in one direction
-CELL_SIZE = 0.2  # of the aperture image's radius: half of what a box's own image may cover
-POINT_STEP = 0.015  # of the same, between Gauss points on the rim
-CHUNK = 2**12  # cells worked on at a time: what they take stays in the cache
-ROUNDING = 1e-12  # of a pixel: what a difference of parts leaves of nothing
+MAX_RESIDUAL = 2e-3  # of the aperture image's radius: largest residual of a map's fit
+MAX_BEND = 0.02  # of the same radius: beyond it the first order in Q is wrong by more than 4e-4
+MAX_PUSH = 0.02  # of a pixel: largest shift of the rim over the aperture, to first order
+MAX_DIAGONAL = 1.0  # of a pixel on the mirror, in radii of a rim or hole that crosses it in one direction
+CELL_SIZE = 0.2  # of the aperture image's radius: half the largest size of a box's own image
+POINT_STEP = 0.015  # of the same radius, between Gauss points on the rim
+CHUNK = 2**12  # cells processed at a time: their data stays in the cache
+ROUNDING = 1e-12  # of a pixel: rounding error of a difference that should be zero
 
 
 @dataclass(frozen=True)
 class PixelResponse:
-    """The light of a scene's pixels in closed form. pixels: [n] flat numbers of those looked at."""
+    """The light of a scene's pixels in closed form. pixels: [n] flat numbers of the pixels."""
 
     chief: ChiefRays
     pixels: np.ndarray
     maps: RayMap
-    _cells: dict[str, PixelQuadrature] = field(default_factory=dict, repr=False)  # what was asked for is kept
+    _cells: dict[str, PixelQuadrature] = field(default_factory=dict, repr=False)  # made on first use
     _means: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -73,7 +73,7 @@ class PixelResponse:
         return without(cells, cut_cells(maps, np.flatnonzero(hole), surface.obscuration_radius_mm, count, points))
 
     def _crossed(self, radius_mm: float) -> np.ndarray:
-        """Pixels [n] that the circle of the rim or the hole may cross; none for a hole of no size."""
+        """Pixels [n] that the circle of the rim or the hole may cross; none for a hole of zero size."""
         farthest, nearest = self.maps.corner_radius.max(1), self.maps.corner_radius.min(1)
         return (farthest > radius_mm) & (nearest <= radius_mm + self._diagonal()) & (radius_mm > 0)
 
@@ -81,7 +81,7 @@ class PixelResponse:
         return 2 * np.hypot(self.maps.term("x", "s"), self.maps.term("y", "t"))
 
     def weight(self, s: np.ndarray, t: np.ndarray, pixel: np.ndarray, half_s=0.0, half_t=0.0) -> tuple[np.ndarray, ...]:
-        """Mean of cos^4 over cells of these centres and half-lengths, its relative growth per unit of s, t, a, b."""
+        """Mean of cos^4 over cells (centres, half-lengths), and its relative growth per unit of s, t, a, b."""
         camera = self.chief.scene.camera
         distance, pitch = camera.image_distance_mm, camera.detector.pitch_mm
         x, y = self.chief.image_point(self.maps.row[pixel] + t / 2, self.maps.column[pixel] + s / 2)
@@ -94,7 +94,7 @@ class PixelResponse:
         return cosine2**2 * mean, -by_x * step, -by_y * step, by_x * reach, by_y * reach
 
     def valid(self) -> np.ndarray:
-        """Whether each pixel's light is given by the closed form; NaN in a map says no."""
+        """Whether the closed form gives each pixel's light; false if its map contains NaN."""
         maps = self.maps
         footprint = np.hypot(maps.term("x", "s"), maps.term("y", "t"))
         push = np.hypot(self.spread("x", ("a", "b")), self.spread("y", ("a", "b")))
@@ -110,9 +110,9 @@ class PixelResponse:
         return good
 
     def extent(self, output: str) -> tuple[np.ndarray, np.ndarray]:
-        """Middle [n] of the pixels' light on the screen and how far it reaches from there, along "u" or "v", in mm.
+        """Middle [n] of the pixels' light on the screen and its half-extent, along "u" or "v", in mm.
 
-        Of the part that sees the mirror; NaN or not finite where there is none.
+        Only for the part of a pixel that sees the mirror; NaN or not finite if there is none.
         """
         cells = self.cells(output)
         maps = self.maps.part(cells.pixel)
@@ -131,7 +131,7 @@ class PixelResponse:
     def means(self, outputs: str) -> np.ndarray:
         """Means [outputs, n] in mm over each pixel's light, of "u", "v", "x", "y"; NaN without any.
 
-        Of u and v they are the true centroids; x, y are the mirror point that they belong to.
+        u and v are the true centroids; x, y are the mirror point that they belong to.
         """
         for output in outputs:
             if output not in self._means:
@@ -156,7 +156,7 @@ class PixelResponse:
         _, _, _, by_a, by_b = self.weight(zero, zero, np.arange(len(zero)))
         p, q = term(output, "a"), term(output, "b")
         other = {"u": "v", "v": "u"}[output]
-        a, b = term(other, "b"), -term(other, "a")  # along it the other coordinate stays
+        a, b = term(other, "b"), -term(other, "a")  # along it the other coordinate is constant
         still = a * a + b * b == 0
         a, b = np.where(still, p, a), np.where(still, q, b)
         length = np.copysign(np.hypot(a, b), p * a + q * b)
@@ -175,7 +175,7 @@ class PixelResponse:
         return np.where(share > ROUNDING, share, 0.0)
 
     def light(self, output: str, edges_mm: np.ndarray) -> np.ndarray:
-        """Shares [n, lines] of the pixels' areas times cos^4 between neighbouring edges_mm [n, lines + 1] of u or v."""
+        """Shares [n, lines] of the pixels' areas, times cos^4, between adjacent edges_mm [n, lines + 1] of u or v."""
         cells = self.cells(output)
         below = np.zeros(edges_mm.shape)
         for first in range(0, len(cells.pixel), CHUNK):
@@ -214,7 +214,7 @@ class PixelResponse:
         return below / (4 * half_s * half_t)
 
     def _centre(self, output: str, maps: RayMap, cells: PixelQuadrature, by_s, by_t) -> np.ndarray:
-        """Centre [m] of the light of the cells' own images along u or v, in mm.
+        """Centroid [m] of the light of the cells' own images along u or v, in mm.
 
         Shifted from the image of the cell's centre by the image's curvature over the cell and by the weight's growth.
         """
@@ -227,5 +227,5 @@ class PixelResponse:
 
 @lru_cache(maxsize=4)
 def pixel_response(scene: Scene) -> PixelResponse:
-    """The light of all of a scene's pixels, shared by all who ask for the same one."""
+    """The light of all pixels of a scene. Calls with the same scene share one result."""
     return PixelResponse.of(chief_rays(scene))
