@@ -41,7 +41,7 @@ MEET = (
     GIVEN_RAYS
     + """    rays.last[0] = (intv)(last);
     rays.before[0] = (intv)(before);
-    rays.reach[0] = reach_of(rays.x[0], rays.y[0], rays.z[0]);
+    rays.l1_norm[0] = l1_norm_of(rays.x[0], rays.y[0], rays.z[0]);
     realv nearest = (realv)(INFINITY);
     intv which = (intv)(-1);
     for (int k = 0; k < count; ++k) meet_SHAPE(&elements[k], &rays, 0, k, &nearest, &which);
@@ -57,7 +57,7 @@ THROUGH = (
     + """    rays.last[0] = rays.before[0] = (intv)(-1);
     for (int k = 0; k < count; ++k) {
         __constant Element *element = &elements[k];
-        rays.reach[0] = reach_of(rays.x[0], rays.y[0], rays.z[0]);
+        rays.l1_norm[0] = l1_norm_of(rays.x[0], rays.y[0], rays.z[0]);
         realv nearest = (realv)(INFINITY);
         intv which = (intv)(-1);
         meet_quadric(element, &rays, 0, k, &nearest, &which);
