@@ -1,6 +1,6 @@
-"""What a test may contain beside mirror, screen and camera: lens surfaces, windows, baffles, further mirrors.
+"""Elements that a test may contain besides mirror, screen and camera: lens surfaces, windows, baffles, more mirrors.
 
-Such elements are seen by the non-sequential tracer alone. An element has a frame of its own: origin at its vertex, +z
+Only the non-sequential tracer sees these elements. An element has its own frame: origin at its vertex, +z
 (its front) towards `facing_mm`. Lengths in mm.
 """
 
@@ -26,9 +26,9 @@ from irtscots_cl.scene.validation import (
     refuse,
 )
 
-MIN_SINE_TO_Y = 1e-6  # below it a frame's x axis is lost in the rounding of its position
+MIN_SINE_TO_Y = 1e-6  # below it, rounding of the position destroys a frame's x axis
 KINDS = ("mirror", "refractor", "lens", "absorber", "detector")
-RESERVED = ("screen", "mirror", "lens", "stop", "detector")  # names of what the scene itself puts there
+RESERVED = ("screen", "mirror", "lens", "stop", "detector")  # names of the scene's own elements
 NEEDS = {"refractor": ("index_front", "index_back"), "lens": ("focal_length_mm",)}
 ALLOWS = {
     "mirror": ("reflectance", "scatter"),
@@ -42,15 +42,18 @@ CHOICES = ("reflectance", "coating_index", "index_front", "index_back", "focal_l
 
 @checked("element")
 class Element:
-    """A surface with what it does to light.
+    """A surface and its effect on light.
 
-    radius_mm: of curvature at the vertex, above 0 where the centre lies on the front; without it, a plane. Its aperture
+    radius_mm: radius of curvature at the vertex, positive if the centre lies in front; None for a plane. The aperture
     is a disk (diameter_mm) with a hole (obscuration_mm), or a rectangle (size_mm: width along the element's x, height).
-    kind: "mirror" (front reflects `reflectance`, back is black), "refractor" (between index_front and index_back;
-    reflects as Fresnel says, or `reflectance` of a coating, or as a layer of coating_index a quarter of a wavelength
-    thick), "lens" (paraxial), "absorber", "detector" (an absorber that stands there to tell how much light comes).
-    scatter: of mirrors and refractors, about the direction of light that goes on; an absorber's about that of a mirror.
+    kind: "mirror" (the front reflects `reflectance`, the back is black), "refractor" (between index_front and
+    index_back; reflects by Fresnel's equations, or by the given `reflectance` of a coating, or as a quarter-wave layer
+    of coating_index), "lens" (paraxial), "absorber", "detector" (an absorber that measures the light it receives).
+    scatter: a scatter model. Mirrors and refractors scatter about the direction of the light that leaves them, an
+    absorber about the direction of a mirror reflection.
     important: whether scattered rays are aimed at it.
+
+    Raises SceneError for a value that is not allowed.
     """
 
     name: SceneName

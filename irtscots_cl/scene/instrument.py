@@ -26,7 +26,7 @@ MAX_VIEW_RAD = math.radians(89.0)
 
 
 def _check_direction(device: Screen | Camera) -> None:
-    """A device's frame needs a direction to look in, and one that is not the world's Y."""
+    """Raise SceneError unless the device looks in some direction other than the world's Y."""
     x, y, z = (a - b for a, b in zip(device.position_mm, device.look_at_mm, strict=True))
     if x == y == z == 0.0:
         refuse(("position_mm",), device.position_mm, "differ from look_at_mm, for a direction to look in")
@@ -73,10 +73,11 @@ class Detector:
 
 @checked("camera")
 class Camera:
-    """An aperture at `position_mm` with a paraxial lens in it, and the detector where `focus_mm` is imaged sharply.
+    """An aperture at `position_mm` with a paraxial lens in it, and a detector where `focus_mm` is imaged sharply.
 
-    lens = "elements": no lens in the aperture, the scene's elements take its place; focal_length_mm is then theirs, for
-    the calibration. detector_distance_mm: from the aperture to the detector, if not where a paraxial lens images.
+    lens = "elements": no lens in the aperture; the scene's elements replace it, and focal_length_mm is theirs, for the
+    chief rays. detector_distance_mm: distance from the aperture to the detector, if it is not where a paraxial lens
+    images `focus_mm`.
     """
 
     position_mm: PointMm
@@ -91,12 +92,12 @@ class Camera:
 
     @property
     def focus_mm(self) -> float:
-        """Distance in front of the lens that is in focus."""
+        """Distance from the lens to the plane in focus, in mm."""
         return self.focus_distance_mm or math.dist(self.position_mm, self.look_at_mm)
 
     @property
     def image_distance_mm(self) -> float:
-        """From a paraxial lens to the sharp image: 1 / (1 / focal_length_mm - 1 / focus_mm)."""
+        """Distance from a paraxial lens to the sharp image, in mm: 1 / (1 / focal_length_mm - 1 / focus_mm)."""
         return self.focal_length_mm / (1.0 - self.focal_length_mm / self.focus_mm)
 
     @model_validator(mode="after")

@@ -44,7 +44,7 @@ class ZernikeTerms:
 
 @checked("mirror")
 class Mirror:
-    """A concave conic of revolution or an off-axis piece of one, its rim and its central hole round."""
+    """A concave conic of revolution, or an off-axis piece of one, with a round rim and a round central hole."""
 
     radius_mm: PositiveMm
     diameter_mm: PositiveMm

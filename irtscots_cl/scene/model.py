@@ -1,11 +1,11 @@
-"""What a test consists of: mirror, screen and camera as frozen, checked dataclasses, and their TOML form.
+"""A test: mirror, screen and camera as frozen, checked dataclasses, and their TOML form.
 
 Lengths are in mm, radiance in W/(mm^2 sr). The world is the mirror's frame: origin at its vertex (off-axis:
 at the point of the surface at the segment's centre), +Z along the surface normal there towards screen and
 camera, +X away from the parent's axis. A device looks from `position_mm` at `look_at_mm`; its x axis is
 unit(Y_world x z).
 
-Every refusal, of a file or of a constructor's argument, is a `SceneError` of one line; see checked.py.
+An invalid file or constructor argument raises a `SceneError` of one line; see scene/validation.py.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.toml import toml_table
 from irtscots_cl.scene.validation import SceneName, checked, nearest, problem, refuse, shown_word, translate
 
-MAX_ELEMENTS = 16  # beside the scene's own: all events of an element fit six bits of a path
+MAX_ELEMENTS = 16  # besides the scene's own: all events of an element fit six bits of a path
 ZERNIKE_KEYS = {"noll_um": "noll", "fringe_um": "fringe", "osa_um": "osa"}
 
 
 @checked("scene")
 class Scene:
-    """One test: what is measured and with what."""
+    """One test: the mirror, the screen, the camera and further elements."""
 
     name: SceneName
     mirror: Annotated[Mirror, Field(description="a table [mirror]")]
@@ -48,8 +48,8 @@ class Scene:
             refuse(("element",), len(names), f"be at most {MAX_ELEMENTS} tables [[element]]")
         for key, device in (("screen", self.screen), ("camera", self.camera)):
             x, y, z = device.position_mm
-            # Over the mirror a device stands above the surface, beside it above the rim. A segment gets the
-            # sag of its parent's middle: near enough, a device that sees the whole mirror is far above both.
+            # Over the mirror a device must be above the surface, and outside it above the rim. A segment gets
+            # the sag of its parent's middle. A device that sees the whole mirror is far above both.
             radius, r = self.mirror.radius_mm, min(math.hypot(x, y), self.mirror.diameter_mm / 2)
             root = math.sqrt(max(radius * radius - (1.0 + self.mirror.conic) * r * r, 0.0))
             sag_mm = r * r / (radius + root)
@@ -66,7 +66,7 @@ class Scene:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any], source: str = "scene") -> Scene:
-        """The scene of a parsed TOML file; raises SceneError, in which `source` stands for the file."""
+        """The scene of a parsed TOML file. Raises SceneError; its message names `source` as the file."""
         mirror = data.get("mirror") if isinstance(data, dict) else None
         entries = mirror.get("zernike") if isinstance(mirror, dict) else None
         if isinstance(entries, list):
@@ -81,11 +81,11 @@ class Scene:
 
     @property
     def is_sequential(self) -> bool:
-        """Whether its light goes from screen to mirror to a paraxial camera and nowhere else."""
+        """Whether light goes only from the screen to the mirror to a paraxial camera."""
         return not self.element and self.camera.lens == "paraxial" and self.mirror.scatter is None
 
     def nominal(self) -> Scene:
-        """The same test of the mirror as designed: without its deviation."""
+        """The same test of the mirror as designed, without its deviation."""
         return dataclasses.replace(self, mirror=dataclasses.replace(self.mirror, zernike=()))
 
     def to_toml(self) -> str:
@@ -105,16 +105,16 @@ def _validated(kind: Any, data: object, source: str, prefix: tuple[Any, ...] = (
 
 
 def _with_scatter(table: object, source: str, steps: tuple[Any, ...]) -> object:
-    """The table with its scatter, if it has any, as a model."""
+    """The table, with its scatter table replaced by a scatter model if there is one."""
     if not isinstance(table, dict) or "scatter" not in table:
         return table
-    from irtscots_cl.scene.scatter.toml import scatter_from_table  # few scenes wait for NumPy
+    from irtscots_cl.scene.scatter.toml import scatter_from_table  # imported late: few scenes need NumPy
 
     return {**table, "scatter": scatter_from_table(table["scatter"], source, (*steps, "scatter"))}
 
 
 def _zernike_from_toml(entry: object, source: str, prefix: tuple[Any, ...]) -> ZernikeTerms:
-    """`{ radius_mm = 532.0, noll_um = { 6 = 0.3266 } }`: the key tells the ordering."""
+    """`{ radius_mm = 532.0, noll_um = { 6 = 0.3266 } }`: the key gives the ordering."""
     if not isinstance(entry, dict):
         raise problem(source, prefix, "must be a table [[mirror.zernike]]", entry)
     allowed = ["radius_mm", *ZERNIKE_KEYS]

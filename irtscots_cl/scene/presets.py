@@ -1,4 +1,4 @@
-"""The scenes that ship with the package, and loading a scene by preset name or from a TOML file."""
+"""The scenes that ship with the package; loads a scene by preset name or from a TOML file."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def preset_names() -> list[str]:
 
 
 def sequential_presets() -> list[str]:
-    """Those that every estimator sees all of."""
+    """The names of the presets that every estimator can trace completely."""
     return [name for name in preset_names() if load_scene(name).is_sequential]
 
 
 def preset_text(name: str) -> str:
-    """TOML text of a preset, comments included; SceneError for a name that is not in `preset_names()`."""
+    """TOML text of a preset, comments included. Raises SceneError for a name that is not in `preset_names()`."""
     names = preset_names()
-    if name not in names:  # so no name can lead out of the folder
+    if name not in names:  # so that no name can leave the folder
         hint = nearest(str(name), names)
         known = f"allowed: {', '.join(names)}"
         hint = known if hint == known else f"{hint} {known}"
@@ -39,9 +39,9 @@ def preset_text(name: str) -> str:
 
 
 def load_scene(name_or_path: str | os.PathLike[str]) -> Scene:
-    """The scene of a preset or a TOML file; a string with a path separator or ending in .toml is a path.
+    """The scene of a preset or a TOML file. A string with a path separator or ending in .toml is a path.
 
-    Raises SceneError for whatever is wrong with the name, the file or a value in it.
+    Raises SceneError for an unknown name, an unreadable file, or an invalid value in it.
     """
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise problem("scene", (), "must be a preset name or the path of a TOML file", name_or_path)
@@ -52,7 +52,7 @@ def load_scene(name_or_path: str | os.PathLike[str]) -> Scene:
 
 
 def parse_scene(text: str, source: str = "scene") -> Scene:
-    """The scene of TOML text; raises SceneError, in which `source` stands for where it came from."""
+    """The scene of TOML text. Raises SceneError; its message names `source` as the origin of the text."""
     return Scene.from_dict(_parse(text.encode("utf-8"), source), source)
 
 
@@ -62,7 +62,7 @@ def _is_path(text: str) -> bool:
 
 
 def _read(path: str) -> bytes:
-    """The file's content; its size is limited, so that a wrong argument cannot fill the memory."""
+    """The file's content. Its size is limited, so that a wrong argument cannot fill the memory."""
     try:
         with open(path, "rb") as file:
             data = file.read(MAX_FILE_BYTES + 1)
@@ -76,7 +76,7 @@ def _read(path: str) -> bytes:
 
 
 def _parse(data: bytes, source: str) -> dict[str, Any]:
-    import tomllib  # listing the presets does without it
+    import tomllib  # imported late: listing the presets does not need it
 
     try:
         return tomllib.loads(data.decode("utf-8"))

@@ -20,7 +20,7 @@ def _toml_value(value: Any) -> str:
 
 
 def toml_table(path: tuple[str, ...], part: Any) -> str:
-    """The fields of `part`, its plain values before its tables as TOML wants them."""
+    """The fields of `part` as TOML, with plain values before tables, as TOML requires."""
     values, tables = "", ""
     for field in dataclasses.fields(part):
         value, inner = getattr(part, field.name), (*path, field.name)

@@ -1,7 +1,7 @@
-"""Checked values: each range with its text in one place, and one line for whatever is refused.
+"""Checked values: each range and its text in one place, and a one-line error for each invalid value.
 
-A refusal is a `SceneError` that names the source, the key, the value and what is allowed. Only the standard library and
-pydantic are imported: starting is fast.
+The error is a `SceneError` that names the source, the key, the value and the allowed values. Only the standard library
+and pydantic are imported, so that the program starts fast.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from pydantic import AfterValidator, ConfigDict, Field, Strict, ValidationError,
 from pydantic.dataclasses import dataclass
 from pydantic_core import PydanticCustomError
 
-MAX_LENGTH_MM = 1e12  # as a radius it is a plane mirror: 0.1 nm of sag over a metre
+MAX_LENGTH_MM = 1e12  # as a radius it means a plane mirror: 0.1 nm of sag over a metre
 MAX_PIXELS_PER_AXIS = 16384
 SHOWN_CHARACTERS = 40
 
 
 class SceneError(ValueError):
-    """An unusable scene; the message is one printable line `FILE: key.path = VALUE: what is allowed`."""
+    """An invalid scene. The message is one printable line `FILE: key.path = VALUE: what is allowed`."""
 
 
 # --- one definition of each range and of its text -----------------------------------------------------------
 
 
 def bounded(**bounds: float) -> Any:
-    """A range of floats, given as pydantic's gt, ge, le, together with the words for it."""
+    """A range of floats, given as pydantic's gt, ge, le, with its text for error messages."""
     words = {"gt": "above", "ge": "at least", "le": "at most"}
     text = "a finite number " + " and ".join(f"{words[kind]} {limit:g}" for kind, limit in bounds.items())
     return Field(allow_inf_nan=False, description=text, **bounds)
 
 
 def _whole(value: object, check: Any) -> object:
-    """Take a list (TOML's array) or a tuple, but no set; refuse the whole of it, not one of its elements."""
+    """Accept a list (TOML's array) or a tuple, but no set. An error reports the whole value, not one element."""
     try:
         return check(tuple(value) if isinstance(value, list) else value)
     except ValidationError:
@@ -86,7 +86,7 @@ OptionalSizeMm = Annotated[
 ]
 Radiance = Annotated[float, Strict(), bounded(gt=0, le=1e12)]
 Conic = Annotated[float, Strict(), bounded(ge=-1e6, le=1e6)]
-# Index and coefficient are refused at a place of their own, one step below the field; see _allowed.
+# Errors of an index or a coefficient are reported one step below the field; see _allowed.
 _COEFFICIENT_RANGE = bounded(ge=-1e6, le=1e6)
 Coefficients = Annotated[
     dict[Annotated[int, Strict()], Annotated[float, Strict(), _COEFFICIENT_RANGE]],
@@ -102,7 +102,7 @@ def _shown(value: object) -> str:
     """`value` as at most 40 printable characters."""
     try:
         text = repr(list(value) if isinstance(value, tuple) else value)
-    except (ValueError, RecursionError):  # an integer of too many digits, arrays nested too deep
+    except (ValueError, RecursionError):  # an integer with too many digits, or arrays nested too deeply
         text = f"<{type(value).__name__}>"
     return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."
 
@@ -123,22 +123,22 @@ def _key_path(steps: tuple[Any, ...]) -> str:
 
 
 def nearest(word: str, known: typing.Iterable[str]) -> str:
-    """`did you mean X?` or, where nothing is near, the list of what is known."""
-    import difflib  # only a refusal pays for it
+    """`did you mean X?`, or the list of known words if none is similar."""
+    import difflib  # imported late: only errors need it
 
-    close = difflib.get_close_matches(word[:100], known, n=1)  # longer words only cost time
+    close = difflib.get_close_matches(word[:100], known, n=1)  # longer words only take time
     return f"did you mean {close[0]}?" if close else f"allowed: {', '.join(known)}"
 
 
 def problem(source: str, steps: tuple[Any, ...], message: str, *value: object) -> SceneError:
-    """The error `SOURCE: key.path = VALUE: message`; without steps or value these parts are left out."""
+    """The error `SOURCE: key.path = VALUE: message`. The key path and the value are optional."""
     shown_source = "".join(c if c.isprintable() else repr(c)[1:-1] for c in source)
     key = _key_path(steps) + "".join(f" = {_shown(v)}" for v in value)
     return SceneError(": ".join(part for part in (shown_source, key.removeprefix(" = "), message) if part))
 
 
 def _allowed(kind: Any, steps: tuple[Any, ...]) -> tuple[Any, str]:
-    """The dataclass that holds the last of `steps`, counted from `kind`, and what is allowed there."""
+    """The dataclass that `steps` from `kind` lead to, and the text of the allowed values there."""
     text = "a table"
     for step in steps:
         if step in kind.__pydantic_fields__:
@@ -153,9 +153,9 @@ def _allowed(kind: Any, steps: tuple[Any, ...]) -> tuple[Any, str]:
 def translate(
     error: ValidationError, kind: Any, source: str, prefix: tuple[Any, ...] = (), rename: str = ""
 ) -> SceneError:
-    """The most useful of pydantic's problems: a misspelt key goes first, since it leaves another missing.
+    """The most useful of pydantic's errors. A misspelt key comes first, because it also makes another key missing.
 
-    `prefix` leads from the file's top to `kind`; `rename` is what the file calls `coefficients_um`.
+    `prefix` is the path of keys from the file's top level to `kind`; `rename` is the file's name of `coefficients_um`.
     """
     misspelt = ("unexpected_keyword_argument", "unexpected_positional_argument", "invalid_key")
     rank = {**dict.fromkeys(misspelt, 0), "missing": 2}
@@ -176,19 +176,19 @@ def translate(
 
 
 def refuse(steps: tuple[Any, ...], value: object, must: str) -> typing.NoReturn:
-    """Refuse what no field's range can; `steps` leads from the dataclass being checked to the value."""
+    """Raise an error that no field's range can express. `steps` leads from the checked dataclass to the value."""
     raise PydanticCustomError("cross", "cross", {"steps": steps, "value": value, "must": must})
 
 
 _Part = typing.TypeVar("_Part")
-_parts: dict[str, Any] = {}  # key in a scene file -> its dataclass, to find what a nested key allows
+_parts: dict[str, Any] = {}  # key in a scene file -> its dataclass, to find the allowed values of a nested key
 
 
 @typing.dataclass_transform(frozen_default=True, field_specifiers=(Field,))
 def checked(key: str) -> Callable[[type[_Part]], type[_Part]]:
     """Make a class a frozen pydantic dataclass without unknown keys, whose constructor raises `SceneError`.
 
-    `key`: what a scene file calls it.
+    `key`: its name in a scene file.
     """
 
     def decorate(cls: type[_Part]) -> type[_Part]:

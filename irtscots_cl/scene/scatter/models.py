@@ -1,4 +1,4 @@
-"""Models of scattered light: Lambertian, Harvey, ABg; and the total scatter of a rough mirror.
+"""Models of scattered light: Lambertian, Harvey, ABg. Also the total scatter of a rough mirror.
 
 J. C. Stover, Optical Scattering: Measurement and Analysis, 3rd ed., SPIE 2012, has the definitions and the models.
 """
@@ -32,13 +32,13 @@ _POWER = bounded(ge=0, le=10)
 _OptionalScale = Annotated[Annotated[float, Strict(), _SCALE] | None, Field(description=_SCALE.description)]
 _LENGTH = bounded(gt=0, le=1e6)
 _OptionalLength = Annotated[Annotated[float, Strict(), _LENGTH] | None, Field(description=_LENGTH.description)]
-SIZES = ("b0", "tis", "roughness_nm")  # of a Harvey lobe
+SIZES = ("b0", "tis", "roughness_nm")  # of a Harvey lobe: give one of them
 _OptionalFraction = Annotated[Fraction | None, Field(description="a finite number above 0 and at most 1")]
 
 
 @checked("lambertian")
 class Lambertian(ScatterModel):
-    """BSDF = tis / pi everywhere."""
+    """BSDF = tis / pi in all directions. tis: total integrated scatter, 0 to 1."""
 
     tis: Fraction
 
@@ -58,10 +58,10 @@ class Lambertian(ScatterModel):
 
 @checked("harvey")
 class Harvey(ScatterModel):
-    """Harvey-Shack: BSDF = b0 (1 + (d / l)^2)^(s / 2), of shoulder l and slope s.
+    """Harvey-Shack: BSDF = b0 (1 + (d / l)^2)^(s / 2), with shoulder l and slope s.
 
-    Its size is told by exactly one of b0 [1/sr], of tis, the total integrated scatter at normal incidence, and of
-    roughness_nm (rms) with wavelength_nm, from which tis_of_roughness makes that of a mirror.
+    Give exactly one of b0 [1/sr], tis (total integrated scatter at normal incidence), or roughness_nm (rms) with
+    wavelength_nm; tis_of_roughness converts roughness to tis for a mirror. Raises SceneError otherwise.
     J. E. Harvey, Light-Scattering Characteristics of Optical Surfaces, thesis, University of Arizona, 1976.
     """
 
@@ -106,7 +106,7 @@ class Harvey(ScatterModel):
 
     def _distance(self, area: np.ndarray) -> np.ndarray:
         q = area / (np.pi * self.l**2)
-        z = np.maximum((self.s / 2 + 1) * q, -1.0)  # -1 is as far as a steep lobe goes
+        z = np.maximum((self.s / 2 + 1) * q, -1.0)  # -1 is the limit of a steep lobe
         with np.errstate(divide="ignore"):
             v = q * np.where(z == 0, 1.0, np.log1p(z) / np.where(z == 0, 1.0, z))
         return self.l * np.sqrt(np.expm1(v))
@@ -114,7 +114,7 @@ class Harvey(ScatterModel):
 
 @checked("abg")
 class ABg(ScatterModel):
-    """BSDF = a / (b + d^g): it falls off as d^-g beyond the knee at d = b^(1/g)."""
+    """BSDF = a / (b + d^g). It falls off as d^-g beyond the knee at d = b^(1/g)."""
 
     a: Annotated[float, Strict(), _SCALE]
     b: Annotated[float, Strict(), _KNEE]
@@ -136,7 +136,7 @@ class ABg(ScatterModel):
         return np.pi * x * x * mean_profile(2 / max(self.g, 1e-100), x**self.g / self.b)
 
     def _ring(self, log_d: np.ndarray) -> np.ndarray:
-        """Growth of _area per unit of the logarithm of d."""
+        """Derivative of _area by log(d)."""
         return 2 * np.pi * np.exp(2 * log_d) / (1 + np.exp(self.g * log_d) / self.b)
 
     @functools.cached_property
@@ -144,12 +144,12 @@ class ABg(ScatterModel):
         """Logarithms of d, equally spaced up to 2, and _area there."""
         least = MIN_SHARE * self._area(np.float64(2.0))  # _area is at most pi d^2
         log_d = np.linspace(0.5 * np.log(least / np.pi), np.log(2.0), TABLE_NODES)
-        return log_d, np.maximum.accumulate(self._area(np.exp(log_d)))  # rounding where it hardly rises
+        return log_d, np.maximum.accumulate(self._area(np.exp(log_d)))  # removes rounding errors where it hardly rises
 
     def _distance(self, area: np.ndarray) -> np.ndarray:
         """By Newton steps within a cell of the table, in log(d): _ring hardly changes there.
 
-        Where the lobe is complete but for rounding, d is known to a cell.
+        Where the lobe is complete within rounding, d is accurate to one cell only.
         """
         log_d, areas = self._table
         wanted, size = np.maximum(area, areas[0]), log_d[1] - log_d[0]
@@ -162,18 +162,18 @@ class ABg(ScatterModel):
 
 
 def _check_total(model: ScatterModel, key: str, value: float) -> None:
-    """Refuse a scale `key` that scatters more light than arrives; a limit rounded to ten digits is accepted."""
+    """Raise SceneError if the scale `key` scatters more light than arrives. A limit of ten digits is allowed."""
     total = float(model.lobe(1.0))
     if total > 1 + 1e-9:
         refuse((key,), value, f"be at most {value / total:.10g}, where the total integrated scatter reaches 1")
 
 
 def tis_of_roughness(sigma_nm, wavelength_nm, cosine=1.0, exact: bool = False) -> np.ndarray:
-    """Total integrated scatter [...] of a mirror of rms roughness Rq = sigma_nm at an angle of incidence's cosine.
+    """Total integrated scatter [...] of a mirror with rms roughness Rq = sigma_nm; cosine: of the angle of incidence.
 
-    (4 pi sigma cosine / wavelength)^2 for roughness far below the wavelength: H. Davies, Proc. IEE 101 (1954) 209. With
-    exact, 1 - exp(-that) for heights of a normal distribution: H. E. Bennett, J. O. Porteus, J. Opt. Soc. Am. 51 (1961)
-    123. sigma counts the roughness of the spatial frequencies that scatter into the hemisphere.
+    It is g = (4 pi sigma cosine / wavelength)^2 for roughness far below the wavelength: H. Davies, Proc. IEE 101 (1954)
+    209. With exact, it is 1 - exp(-g), for normally distributed heights: H. E. Bennett, J. O. Porteus, J. Opt. Soc. Am.
+    51 (1961) 123. sigma_nm includes only the spatial frequencies that scatter into the hemisphere.
     """
     sigma, wavelength, cosine = (np.asarray(v, float) for v in (sigma_nm, wavelength_nm, cosine))
     check_all("tis_of_roughness", "sigma_nm", sigma, (sigma >= 0) & (sigma < np.inf), "a finite number at least 0")

@@ -19,7 +19,7 @@ _adapter = functools.cache(TypeAdapter)
 def scatter_from_table(table: dict[str, Any], source: str, steps: tuple[Any, ...] = ()) -> ScatterModel:
     """The model of `{ model = "harvey", l = 0.01, s = -1.5, tis = 0.0025 }`; raises SceneError.
 
-    In its text `source` stands for the file, and `steps` lead from the file's top to the table.
+    The message names `source` as the file; `steps` is the path of keys from the file's top level to the table.
     """
     names = ", ".join(MODELS)
     if not isinstance(table, dict):
@@ -27,7 +27,7 @@ def scatter_from_table(table: dict[str, Any], source: str, steps: tuple[Any, ...
     if "model" not in table:
         known = ["model", *(key for kind in MODELS.values() for key in kind.__pydantic_fields__)]
         for key in table:
-            if key not in known:  # model, misspelt
+            if key not in known:  # a misspelt model
                 raise problem(source, (*steps, key), f"unknown key; {nearest(shown_word(key), known[:1])}")
         raise problem(source, (*steps, "model"), f"missing; needs one of {names}")
     name = table["model"]
