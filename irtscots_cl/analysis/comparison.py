@@ -1,4 +1,4 @@
-"""A measured surface against the true one: errors with error bars. The only place where truth meets measurement."""
+"""Compares a measured surface with the true one: errors with error bars. Only this package knows both."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.model import Scene
 
-HEIGHT_TERMS = ("piston", "piston_tilt", "piston_tilt_power")  # what is removed before a height error is stated
+HEIGHT_TERMS = ("piston", "piston_tilt", "piston_tilt_power")  # terms removed before a height error is computed
 FITTED_NOLL = 45  # radial orders up to 8
 
 
 @dataclass(frozen=True)
 class ZernikeRow:
-    """A Noll-normalised coefficient of the deviation: what the scene has and what was measured [um]."""
+    """A Noll-normalised coefficient of the deviation [um]: the scene's value and the measured one."""
 
     noll: int
     input_um: float
@@ -33,7 +33,7 @@ class Comparison:
     """Errors of a reconstruction, rms over its mask.
 
     slope_error_urad: "x", "y". height_error_nm: by the terms removed, HEIGHT_TERMS. error_mm: [rows, columns] deviation
-    less true deviation, piston and tilt removed. height_standard_error_nm: rms over the mask of the statistical part.
+    minus true deviation, without piston and tilt. height_standard_error_nm: statistical error, rms over the mask.
     """
 
     pixels_used: int
@@ -90,7 +90,7 @@ def _estimate(values: list[float]) -> Estimate:
 def _zernike_rows(result: Reconstruction, scene: Scene) -> tuple[ZernikeRow, ...]:
     """Noll terms 1 to FITTED_NOLL and all of the scene's, fitted together by least squares over the mask.
 
-    None where the pixels are too few to tell the terms apart.
+    Returns no rows if there are too few pixels to separate the terms.
     """
     given: dict[int, float] = {}
     for terms in scene.mirror.zernike:

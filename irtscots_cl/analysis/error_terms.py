@@ -1,8 +1,9 @@
-"""What a height error consists of: ray noise, rounding, line sampling, height coupling, pixels, edges, integration.
+"""The terms of a height error: ray noise, rounding, line sampling, height coupling, pixels, edges, integration.
 
-Heights are linear in the slopes, so the error is a sum of maps. Each part is what one step changes when its input is
-replaced by the exact one: the images by noise-free ones in closed form, their centroids by those of the light, the
-height found by the true one, the slopes by the true ones at the nodes. The maps add up to the whole error.
+Heights are linear in the slopes, so the error is a sum of maps. Each error term is the change when the input of one
+step is replaced by the exact input: the images by noise-free ones in closed form, their centroids by those of the
+light, the measured height by the true one, the slopes by the true ones at the nodes. The maps add up to the whole
+error.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
 from irtscots_cl.tracing.trace import trace
 
-ROUNDING_RAYS = 1024  # per pixel, smoothed: the same rays in both precisions, so that little noise is left
+ROUNDING_RAYS = 1024  # per pixel, smoothed: the same rays in both precisions, so that little noise remains
 WHOLE = 1 - 1e-9  # coverage of a pixel that the mirror's rim does not cross
 
 
 @dataclass(frozen=True)
 class ErrorTerm:
-    """One part of an error. slope_urad: rms (x, y) over the mask, NaN for a part that has none. height_nm: rms of
-    height_mm, [rows, columns], piston and tilt removed."""
+    """One term of an error. slope_urad: rms (x, y) over the mask, NaN for a term without slopes. height_mm: map [rows,
+    columns] without piston and tilt; height_nm: its rms."""
 
     name: str
     slope_urad: tuple[float, float]
@@ -44,12 +45,12 @@ class ErrorTerm:
 def error_terms(
     result: Reconstruction, scene: Scene, measure: str, options: TraceOptions, device: Device | None = None
 ) -> tuple[ErrorTerm, ...]:
-    """The parts of a result's height error against the scene's true mirror, in the order of the measurement.
+    """The terms of a result's height error against the scene's true mirror, in the order of the measurement.
 
-    measure: name of measures.MEASURES that the result is by. options: that its images were traced with. device: for
-    the part of float rounding, which is told apart for the adjoint estimator in single precision, on a device that has
-    double precision too; otherwise it is part of the ray noise. Pixels without light in closed form have a part of
-    their own, where there are any.
+    measure: the result's method, a name in methods.MEASURES. options: the options of its trace. device: computes the
+    term of float rounding. This term is separate for the adjoint estimator in single precision, on a device that also
+    has double precision; otherwise it is included in the ray noise. Pixels without light in closed form, if any, have
+    their own term.
     """
     free = measure_by(measure, trace(scene, estimator=ANALYTIC).images(LineScan(scene)), scene.nominal())
     known = result.mask & free.mask
@@ -77,12 +78,12 @@ def error_terms(
 
 
 def _stages(result: Reconstruction, free: Reconstruction, scene: Scene, surface: Surface) -> dict[str, np.ndarray]:
-    """Slope maps [2, rows, columns] of the stages' errors, of a result that was not refined."""
+    """Slope maps [2, rows, columns] of the stages' errors, for a result without refinement."""
     design, x, y = chief_rays(scene.nominal()), result.x_mm, result.y_mm
     true_height = surface.sag(x, y)
     own = np.stack(triangulated(design, x, y, design.surface.sag(x, y), *design_points(design)[2:]))
 
-    def measured(z_mm, u_mm, v_mm) -> np.ndarray:  # what the measurement makes of centroids, given the height
+    def measured(z_mm, u_mm, v_mm) -> np.ndarray:  # measured slopes from centroids and height
         return _averaged(result, np.stack(triangulated(design, x, y, z_mm, u_mm, v_mm)) - own)
 
     light = pixel_response(scene)
@@ -117,7 +118,7 @@ def _refined(result: Reconstruction, free: Reconstruction, surface: Surface, tru
 def _rounding(
     result: Reconstruction, scene: Scene, options: TraceOptions, device: Device | None
 ) -> np.ndarray | None:
-    """Slopes [2, rows, columns] in single less those in double precision, of the same rays; None where not told."""
+    """Slopes [2, rows, columns] in single minus double precision, of the same rays; None if not separated."""
     if options.estimator != "adjoint" or options.precision != "fp32" or device is None or not device.has_fp64:
         return None
     design = chief_rays(scene.nominal())
@@ -134,7 +135,7 @@ def _rounding(
 
 
 def rounding_height_nm(result: Reconstruction, scene: Scene, options: TraceOptions, device: Device) -> float:
-    """Rms height error of rounding, piston and tilt removed, as error_parts tells it; 0 where it is not told."""
+    """Rms height error of rounding in nm, without piston and tilt, as in error_terms; 0 if it is not separated."""
     slopes = _rounding(result, scene, options, device)
     if slopes is None:
         return 0.0

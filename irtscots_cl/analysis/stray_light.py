@@ -1,4 +1,4 @@
-"""What ghosts and scattered light do to a measurement: the same rays measured with them and without."""
+"""The effect of ghosts and scattered light on a measurement: the same rays are measured with and without them."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from irtscots_cl.tracing.results.paths import KINDS, PathLight
 
 @dataclass(frozen=True)
 class StrayLight:
-    """Light of one kind of paths: its share of the direct light, and the height that it adds.
+    """Light of one kind of path: its share of the direct light, and the height error that it adds.
 
-    height_nm: rms over the pixels that can be used with it and without, piston and tilt removed; its standard error by
-    the jackknife. lost_pixels: whose light curves are refused because of it. height_mm: the map [rows, columns], NaN
-    where there is none.
+    height_nm: rms over the pixels that are usable both with and without this light, without piston and tilt; its
+    standard error comes from the jackknife. lost_pixels: pixels whose light curves become unusable because of it.
+    height_mm: the map [rows, columns], NaN for other pixels.
     """
 
     kind: str
@@ -30,9 +30,10 @@ class StrayLight:
 
 
 def stray_light(light: PathLight, measure: str = "paper") -> tuple[StrayLight, ...]:
-    """The effect of every kind of paths that brings light, but the direct one.
+    """The effect of every kind of path, except the direct one, that brings light to the detector.
 
-    Both measurements come from the same rays, so that their noise nearly cancels. Raises as measure_by does.
+    Both measurements use the same rays, so their noise nearly cancels. measure: a name in methods.MEASURES. Raises the
+    errors of measure_by.
     """
     pattern, nominal = LineScan(light.scene), light.scene.nominal()
     flux = {kind: sum(path.flux_w for path in light.paths if path.kind == kind) for kind in KINDS}
