@@ -24,8 +24,8 @@ def build_report(
     parts: tuple[ErrorTerm, ...],
     seconds: dict[str, float],
 ) -> dict:
-    """The contents of report.json. measure: name of how it was measured. parts: of the height error,
-    or none. seconds: build, trace, reconstruct, total."""
+    """The contents of report.json. measure: name of the measurement method. parts: terms of the height
+    error, may be empty. seconds: build, trace, reconstruct, total."""
     height = {key: estimate.value for key, estimate in comparison.height_error_nm.items()}
     return {
         "scene": transport.scene.name,
@@ -75,7 +75,7 @@ def build_report(
 
 
 def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> dict:
-    """What `irtscots paths` tells of a non-sequential trace."""
+    """The results of a non-sequential trace that `irtscots paths` prints."""
     direct = sum(path.flux_w for path in light.paths if path.kind == "direct")
     return {
         "scene": light.scene.name,

@@ -1,4 +1,4 @@
-"""Figures of a run. Maps are drawn as one looks at the mirror: x to the right, y up."""
+"""Figures of a run. Maps show the mirror from the front: x to the right, y up."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def write_figures(
     comparison: Comparison | None,
     parts: tuple[ErrorTerm, ...] = (),
 ) -> list[str]:
-    """Write the figures of a run as PNG files into the folder; returns their names.
+    """Write the figures of a run as PNG files into the folder; return their names.
 
-    comparison: of a simulation, whose truth is known; None for images from a lab. parts: of the height error, where it
-    was separated.
+    comparison: for a simulation, whose truth is known; None for images from a lab. parts: terms of the height error,
+    empty if they were not computed.
     """
     figures = {
         "images.png": image_figure(stack),
@@ -101,7 +101,7 @@ def slope_figure(result: Reconstruction) -> Figure:
 
 
 def height_figure(result: Reconstruction, comparison: Comparison | None) -> Figure:
-    """Height, deviation from the design and, where the truth is known, the error of the deviation."""
+    """Height, deviation from the design and, if the truth is known, the error of the deviation."""
     count = 2 if comparison is None else 3
     figure = Figure(figsize=(5 * count, 4.2), layout="tight")
     axes = figure.subplots(1, count)
@@ -114,7 +114,7 @@ def height_figure(result: Reconstruction, comparison: Comparison | None) -> Figu
 
 
 def parts_figure(result: Reconstruction, parts: tuple[ErrorTerm, ...]) -> Figure:
-    """A map for each part of the height error, each with its own scale."""
+    """A map for each term of the height error, each with its own scale."""
     columns = min(4, len(parts))
     rows = -(-len(parts) // columns)
     figure = Figure(figsize=(4.6 * columns, 4.0 * rows), layout="tight")
@@ -127,10 +127,10 @@ def parts_figure(result: Reconstruction, parts: tuple[ErrorTerm, ...]) -> Figure
 
 
 def _map(figure: Figure, axes, result: Reconstruction, values: np.ndarray, title: str, unit: str, colours: str) -> None:
-    """One map on the detector's grid, labelled with the mirror coordinates that its rows and columns see."""
+    """One map on the detector's grid, labelled with the mirror coordinates of its rows and columns."""
     limits = {}
     if colours == "RdBu_r":
-        # single noisy rim pixels do not set the scale; a map of zeros has none
+        # single noisy rim pixels do not set the scale; a map of zeros gets scale 1
         largest = np.nanpercentile(np.abs(values), 99.5) or 1.0
         limits = {"vmin": -largest, "vmax": largest}
     extent = (np.nanmin(result.x_mm), np.nanmax(result.x_mm), np.nanmin(result.y_mm), np.nanmax(result.y_mm))

@@ -10,7 +10,7 @@ from irtscots_cl.system.atomic_files import write_text
 
 
 def write_html(path: Path, report: dict, figures: list[str], toml: str) -> None:
-    """Write report.html beside its figures folder."""
+    """Write report.html next to its figures folder."""
     import jinja2
 
     template = (files("irtscots_cl.report") / "templates" / "report.html").read_text(encoding="utf-8")

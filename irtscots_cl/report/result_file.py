@@ -46,7 +46,7 @@ def _write(file: h5py.File, name: str, values: np.ndarray, unit: str) -> None:
 
 
 def _write_images(file: h5py.File, name: str, scan: Scan, values: np.ndarray) -> None:
-    """Line by line: the whole stack of a large screen never stands in memory."""
+    """Write line by line, so that the whole stack of a large screen is never in memory."""
     shape = (len(scan.positions_mm), *scan.shape)
     images = file.create_dataset(
         name, shape, np.float64, chunks=(1, *scan.shape), compression="gzip", compression_opts=1, shuffle=True

@@ -19,7 +19,7 @@ class Table:
 
 
 def path_tables(facts: dict) -> list[Table]:
-    """The paths by flux, and where all rays ended and all light stayed."""
+    """The paths by flux, the numbers of rays by how they ended, and the places where light was absorbed."""
     shown = [path for path in facts["paths"] if path["rays"]]
     stray = [(s["kind"], f"{s['of_direct']:.3g}",
               str(Estimate(s["height_nm_rms"], s["height_nm_rms_standard_error"])), str(s["lost_pixels"]))
@@ -41,8 +41,8 @@ def path_tables(facts: dict) -> list[Table]:
 
 
 def _short_mm(length_mm: float) -> str:
-    """A length to a micrometre, nothing where there is none."""
-    return f"{round(length_mm, 3) + 0.0:.3f}" if math.isfinite(length_mm) else ""  # + 0.0: no minus before a zero
+    """A length rounded to a micrometre, or an empty string if it is not finite."""
+    return f"{round(length_mm, 3) + 0.0:.3f}" if math.isfinite(length_mm) else ""  # + 0.0 avoids -0
 
 
 def error_term_facts(part: ErrorTerm) -> dict:
@@ -55,7 +55,7 @@ def as_xy(values: tuple[float, float]) -> dict[str, float]:
 
 
 def summary_tables(report: dict) -> list[Table]:
-    """The short tables of a run: speed, errors beside their predictions, Zernike coefficients of the scene."""
+    """The short tables of a run: speed, errors and their predictions, Zernike coefficients of the scene."""
     tables = [_run_table(report), _error_table(report)]
     if report["error_parts"]:
         tables.append(_parts_table(report))
@@ -100,19 +100,19 @@ def _run_table(report: dict) -> Table:
 
 
 def measured_table(facts: dict) -> Table:
-    """What pipeline.measure found in a lab's images."""
+    """The results of pipeline.measure for a lab's images."""
     rows = [("pixels used", pixels_text(facts["pixels_used"], facts["light_curves_refused"]))]
     rows += [(f"without {terms.replace('_', ', ')} [nm]", f"{v:.4g}") for terms, v in facts["deviation_nm_rms"].items()]
     return Table("Deviation from the design, rms", ("", ""), rows)
 
 
 def pixels_text(used: int, refused: dict[str, int]) -> str:
-    """Pixels used and, where there are any, those on the mirror whose light curves were refused."""
+    """Number of pixels used and, if any, of pixels on the mirror with unusable light curves."""
     return ", ".join([f"{used:,}", *(f"not used: {count:,} {name}" for name, count in refused.items() if count)])
 
 
 def _shown(value: float) -> str:
-    """Three digits, or a dash for a number that does not exist."""
+    """Three digits, or a dash for NaN."""
     return f"{value:.3g}" if math.isfinite(value) else "-"
 
 
