@@ -21,9 +21,9 @@ from irtscots_cl.tracing.trace import trace
 TITLE = "Brightness variations of the screen, ideal sphere (figure 9)"
 AMPLITUDE = 0.1
 PRINTED_NM = {"linear": 94.09, "random": 43.01}
-# Where +-10 % is reached, as half pixels beyond the outermost pixels' centres: the paper leaves it open.
+# Where +-10 % is reached, in half pixels beyond the outermost pixels' centres. The paper does not state it.
 ENDS = {"the screen's edges": 1, "the outermost pixels' centres": 0}
-PAPER_NOISE_NM = 7.08 * 2**0.5  # its numerical error, of two maps
+PAPER_NOISE_NM = 7.08 * 2**0.5  # its numerical error, for the difference of two maps
 RAYS, DRAWS = 16384, 40
 
 
@@ -69,7 +69,7 @@ def study(traces: SharedTraces) -> StudyResult:
 
 
 def _linear(scene: Scene, beyond: int) -> np.ndarray:
-    """Brightness [rows, columns] that reaches +-AMPLITUDE so many half pixels beyond the outermost pixels' centres."""
+    """Brightness [rows, columns] that reaches +-AMPLITUDE `beyond` half pixels beyond the outermost pixels' centres."""
     columns, rows = scene.screen.pixels
     across = (2 * np.arange(columns) - (columns - 1)) / (columns - 1 + beyond)
     return np.broadcast_to(1 + AMPLITUDE * across, (rows, columns))
@@ -93,7 +93,7 @@ def _row(kind: str, terms: str, values: np.ndarray, scene: Scene):
         return row(quantity, exact(values[0]), paper=paper, expected=expected, allowed=0.05 * tilt,
                    closeness=PAPER_NOISE_NM / PRINTED_NM["linear"])  # fmt: skip
     spread = values.std(ddof=1)
-    # the paper's number is one draw: within three standard deviations of one, it agrees
+    # the paper's number is one draw: it agrees within three standard deviations of one draw
     return row(f"{quantity} ({spread:.2g})", Estimate(values.mean(), spread / np.sqrt(len(values))), paper=paper,
                closeness=3 * spread / PRINTED_NM[kind])  # fmt: skip
 

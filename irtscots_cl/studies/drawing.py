@@ -1,4 +1,4 @@
-"""Figures of the studies, drawn as the paper draws them: normalised irradiance in rainbow colours, y up."""
+"""Figures of the studies in the paper's style: normalised irradiance in rainbow colours, y up."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def maps(
     axes_labels: tuple[str, str] = ("detector column", "detector row"),
     columns: int = 3,
 ) -> Figure:
-    """Maps side by side, each [rows, columns] with a title and a colour bar; limits: of each one's colours."""
+    """Maps side by side, each [rows, columns] with a title and a colour bar. limits: colour range of each map."""
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(4.8 * min(columns, len(panels)), 4.1 * rows), layout="tight")
     grid = figure.subplots(rows, min(columns, len(panels)), squeeze=False).ravel()

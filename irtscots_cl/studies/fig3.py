@@ -18,7 +18,7 @@ TITLE = "Line 7 on the ideal and the deviated sphere (figure 3)"
 SURFACES = ("sphere", "sphere-deviated")
 PRINTED_PERCENT = 6.16
 SIDES = {"from the side of -x": 6, "from the side of +x": 14}  # the seventh of 21 lines
-MIN_SIGNAL = 0.05  # of the brightest pixel: what counts as lit
+MIN_SIGNAL = 0.05  # of the brightest pixel: brighter pixels count as lit
 
 
 def study(traces: SharedTraces) -> StudyResult:
@@ -50,7 +50,7 @@ def study(traces: SharedTraces) -> StudyResult:
 
 
 def _images(stack: ImageStack, line: int) -> np.ndarray:
-    """Images [1 + replicates left out, rows, columns] of a line of the x scan."""
+    """Images [1 + replicates, rows, columns] of a line of the x scan: the mean, then with one replicate left out."""
     return np.stack([stack.x.image(line, curves) for curves in stack.x.jackknife_w()])
 
 
@@ -67,13 +67,13 @@ def _estimate(stacks: list[ImageStack], line: int) -> Estimate:
 
 
 def _expected_with_noise(closed: list[ImageStack], traced: list[SharedTrace], line: int) -> float:
-    """Mean difference in percent of the closed form's images with the traced ones' noise: a folded normal per pixel."""
+    """Mean difference in percent of closed-form images with the noise of the traced ones: a folded normal per pixel."""
     ideal, deviated = (_images(stack, line)[0] for stack in closed)
     lit = np.minimum(ideal, deviated) > MIN_SIGNAL * ideal.max()
     difference, variance = (ideal - deviated)[lit], np.zeros(lit.sum())
     for t in traced:
         variance += t.stack.x.image(line, t.stack.x.standard_error_w())[lit] ** 2
-    sigma = np.sqrt(variance).clip(1e-9 * ideal.max())  # a pixel that no ray of any part hit has none
+    sigma = np.sqrt(variance).clip(1e-9 * ideal.max())  # a pixel without any hit has no variance
     folded = sigma * np.sqrt(2 / np.pi) * np.exp(-((difference / sigma) ** 2) / 2)
     folded += difference * erf(difference / sigma / np.sqrt(2))
     return float(100 * folded.mean() / ideal[lit].mean())

@@ -1,4 +1,4 @@
-"""The same line image at the three ray numbers (paper, figure 4): its noise falls as the root of the rays."""
+"""The same line image at the three ray numbers (paper, figure 4): its noise falls with the root of the ray number."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from irtscots_cl.tracing.trace import trace
 
 TITLE = "One line image at the paper's ray numbers (figure 4)"
 LINE = 10  # the middle one of 21
-MIN_SIGNAL = 0.5  # of the brightest pixel: where the noise is looked at
+MIN_SIGNAL = 0.5  # of the brightest pixel: brighter pixels are used for the noise
 
 
 def study(traces: SharedTraces) -> StudyResult:
@@ -27,7 +27,7 @@ def study(traces: SharedTraces) -> StudyResult:
         images = np.stack([scan.image(LINE, curves) for curves in scan.flux_w])
         noise.append(over_runs(100 * np.sqrt(np.mean((images / truth.clip(1e-300) - 1)[:, lit] ** 2, axis=1))))
         panels.append((f"{rays:,} rays", images[0] / truth.max()))
-        # hits per watt are the same everywhere, and follow from the light curves' independent rays
+        # hits per watt are the same everywhere; the light curves' numbers of independent rays give them
         hits = truth[lit] * (scan.hits.sum() / RUNS / scan.mean_w().sum())
         expected = 100 * float(np.sqrt(np.mean(1 / hits)))
         rows.append(row(f"noise of a pixel, {rays:,} rays [%]", noise[-1], expected=expected, allowed=0.01 * expected))

@@ -1,4 +1,4 @@
-"""Light curve of the centre pixel against Eq. (2) (paper, figure 5)."""
+"""Light curve of the centre pixel compared with Eq. (2) (paper, figure 5)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PRINTED_PERCENT = dict(zip(PAPER_RAYS, (3.0, 1.5, 0.3), strict=True))
 
 
 def eq2(position_mm: np.ndarray, pitch_mm: float, radius_mm: float) -> np.ndarray:
-    """Share of the aperture's area under lines at these positions: A_w of paper Eq. (2) over pi a^2."""
+    """Share of the aperture's area under lines at these positions: A_w of paper Eq. (2) divided by pi a^2."""
     return chord_cdf((position_mm + pitch_mm / 2) / radius_mm) - chord_cdf((position_mm - pitch_mm / 2) / radius_mm)
 
 
@@ -42,7 +42,7 @@ def study(traces: SharedTraces) -> StudyResult:
         at, flux = light_curve(runs.stack, "x", CENTRE)
         own = eq2(at, pitch, radius)
         hits = _hits(runs.stack) / RUNS
-        # the noise of shares of a fixed number of hits, and the closed form's own distance from Eq. (2)
+        # the noise of shares of a fixed number of hits, and the closed form's own difference from Eq. (2)
         variance = own * (1 - own) / hits + np.interp(at, position, closed - theory) ** 2
         expected = 100 * np.sqrt(np.mean(variance[own > 0])) / own.max()
         values = misfit_percent(flux, own)

@@ -17,7 +17,7 @@ from irtscots_cl.studies.verdicts import StudyResult, exact, row
 
 TITLE = "Centroids of the centre pixel (figure 6)"
 PRINTED_MM = {"sphere": 0.001, "sphere-deviated": 0.045}
-SAMPLING_MM = 0.002  # what sampling a light curve by lines of 0.2 mm moves a centroid by, at most
+SAMPLING_MM = 0.002  # largest shift of a centroid from sampling by lines of 0.2 mm
 BOTH_COMAS_ALONG_X = {6: 0.3266, 8: -0.1414, 9: 0.1061, 11: 0.0894, 30: -0.0250, 38: -0.0141}  # 30, not 29
 
 

@@ -19,9 +19,9 @@ from irtscots_cl.tracing.trace import trace
 
 TITLE = "Off-axis segment (section 3.4, figures 11 and 12)"
 PAPER_RAYS = 1_562_500  # per screen pixel
-PRINTED_NM, PRINTED_TENFOLD_NM = 10.74, 5.0  # the latter estimated, not run
+PRINTED_NM, PRINTED_TENFOLD_NM = 10.74, 5.0  # the second is the paper's estimate, not a run
 SHOWN_LINES = 15
-SMALL = 0.06  # relative: what the prediction leaves out
+SMALL = 0.06  # relative: effects that the prediction neglects
 
 
 def study(traces: SharedTraces) -> StudyResult:

@@ -1,4 +1,4 @@
-"""Precision of a centroid: Eq. (5), the exact formula for counts, and what ten runs show."""
+"""Precision of a centroid: Eq. (5), the exact formula for counts, and the scatter of ten runs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from irtscots_cl.studies.verdicts import StudyResult, VerdictRow, row
 TITLE = "Precision of the centroids, ideal sphere (Eq. 5)"
 LIT_LINES = 6  # N of Eq. (5): lines that contribute
 BASE_WIDTH_MM = 1.2  # w of Eq. (5): full width of the light curve, aperture plus line
-WHOLE = 0.999  # coverage of the pixels looked at: those at the rim have light curves of other shape
+WHOLE = 0.999  # coverage of the pixels used: pixels at the rim have light curves of a different shape
 
 
 def study(traces: SharedTraces) -> StudyResult:

@@ -20,7 +20,7 @@ from irtscots_cl.tracing.trace import trace, trace_paths
 
 TITLE = "Scattered light (figure 10)"
 SIGMA_NM, WAVELENGTH_NM = 2.0, 500.0
-LOBE = {"l": 0.01, "s": -1.5}  # of Harvey's model; the paper does not state its own
+LOBE = {"l": 0.01, "s": -1.5}  # of Harvey's model; the paper does not state its lobe
 PRINTED_TIS, PRINTED_RATIO, PRINTED_HEIGHT_NM = 0.0025, 1e-8, 3.8e-10
 LINE = 10  # of 21, the middle one
 RAYS, QUICK_RAYS, REPLICATES = 400_000, 40_000, 8
@@ -86,19 +86,19 @@ def _traced(traces: SharedTraces, scene: Scene) -> PathLight:
 
 
 def _line_solid_angle(scene: Scene) -> float:
-    """Of one line of the screen, from the mirror's vertex [sr]."""
+    """Solid angle of one line of the screen, seen from the mirror's vertex [sr]."""
     return scene.screen.pitch_mm**2 * scene.screen.pixels[1] / float(np.linalg.norm(scene.screen.position_mm)) ** 2
 
 
 def _scattered(light: PathLight) -> Estimate:
-    """Flux [W] scattered under the line onto a pixel about the detector's centre."""
+    """Flux [W] scattered from the line onto a pixel near the detector's centre."""
     step = np.arange(-BLOCK, BLOCK + 1)
     block = (CENTRE + step[:, None] * 125 + step).ravel()
     return over_runs(light.only("scatter").images(LineScan(light.scene)).x.flux_w[:, block, LINE].mean(1))
 
 
 def _specular(light: PathLight) -> tuple[float, float]:
-    """Specular flux [W] on the centre pixel under all lines of the screen together, and under the line alone."""
+    """Specular flux [W] on the centre pixel from all lines of the screen together, and from the line alone."""
     scene = load_scene(light.scene.name)
     scan = trace(scene, estimator="analytic").images(LineScan(scene)).x
     curve = scan.mean_w()[np.searchsorted(scan.pixels, CENTRE)]

@@ -46,7 +46,7 @@ def study(traces: SharedTraces) -> StudyResult:
 
 
 def _middle_line(scene: Scene) -> Scene:
-    """The scene with the screen's middle column of pixels alone: all that lights one image of the x scan."""
+    """The scene with only the screen's middle column of pixels, which lights one image of the x scan."""
     return replace(scene, screen=replace(scene.screen, pixels=(1, scene.screen.pixels[1])))
 
 
@@ -57,7 +57,7 @@ def _block() -> np.ndarray:
 
 
 def _measured(traces: SharedTraces, scene: Scene, rays: int, overfill: float) -> tuple[Estimate, float, float]:
-    """The block's ratio; the centre pixel's ratio and its mean count."""
+    """The block's ratio, the centre pixel's ratio, and the centre pixel's mean count."""
     done = trace(scene, device=traces.device, estimator="forward", rays_per_pixel=RUNS * rays, replicates=RUNS,
                  seed=SEED, overfill=overfill, progress=traces.progress, keeper=traces.keeper)  # fmt: skip
     hits = done.counts[:, np.searchsorted(done.windows.pixels, _block())].sum((2, 3)).astype(float)
@@ -70,7 +70,7 @@ def _measured(traces: SharedTraces, scene: Scene, rays: int, overfill: float) ->
 
 
 def _expected(scene: Scene, rays: int, overfill: float) -> float:
-    """Root of the mean count that the closed form of the light gives the block."""
+    """Root of the block's mean count, from the closed form of the light."""
     full = load_scene(scene.name)
     scan = trace(full, estimator="analytic").images(LineScan(full)).x
     light = scan.image(scan.positions_mm.size // 2).ravel()[_block()]

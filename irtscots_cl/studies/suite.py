@@ -1,4 +1,4 @@
-"""The studies by name: running them, and what they found as plain data and as one document."""
+"""The studies by name: runs them, and gives their results as plain data and as one document."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class Finished:
-    """A study that was run. seconds: it took, with the traces that it was the first to need."""
+    """A finished study. seconds: its time, including traces that it was the first to need."""
 
     name: str
     title: str
@@ -35,7 +35,7 @@ class Finished:
 
 
 def chosen(what: str) -> tuple[str, ...]:
-    """Names of the studies that WHAT asks for; ValueError for an unknown one."""
+    """Names of the studies in WHAT. Raises ValueError for an unknown name."""
     if what == ALL:
         return tuple(STUDIES)
     if what not in STUDIES:
@@ -52,7 +52,7 @@ def run_study(name: str, traces: SharedTraces) -> Finished:
 
 
 def facts(finished: Iterable[Finished], traces: SharedTraces) -> dict[str, object]:
-    """Everything but the figures as plain data."""
+    """All results except the figures, as plain data."""
     return {
         "device": traces.device.describe(),
         "versions": versions(),
@@ -72,7 +72,7 @@ def tables(finished: Iterable[Finished]) -> list[Table]:
 
 
 def counts(finished: Iterable[Finished]) -> dict[str, int]:
-    """How many rows have each verdict."""
+    """Number of rows with each verdict."""
     found: dict[str, int] = {}
     for verdict in (row.verdict for f in finished for row in f.outcome.rows):
         found[verdict] = found.get(verdict, 0) + 1
@@ -80,7 +80,7 @@ def counts(finished: Iterable[Finished]) -> dict[str, int]:
 
 
 def write_figures(folder: Path, finished: Iterable[Finished]) -> None:
-    """Write all figures as PNG files into the folder, which must be there."""
+    """Write all figures as PNG files into the folder, which must exist."""
     for f in finished:
         for name, figure in f.outcome.figures.items():
             with replacing(folder / name) as temporary:
@@ -88,7 +88,7 @@ def write_figures(folder: Path, finished: Iterable[Finished]) -> None:
 
 
 def write_documents(folder: Path, finished: list[Finished], traces: SharedTraces) -> None:
-    """Write reproduce.md and reproduce.html beside the figures."""
+    """Write reproduce.md and reproduce.html next to the figures."""
     import jinja2
 
     device, about = traces.device.describe(), versions()

@@ -19,15 +19,15 @@ from irtscots_cl.tracing.trace import trace
 
 TITLE = "Zernike coefficients of the deviated sphere (tables 3 and 4)"
 PRINTED_UM = {6: 0.3262, 8: -0.1408, 9: 0.1059, 11: 0.0877, 29: -0.0247, 38: -0.0143}
-PRINTED_RMS_UM = (0.4828, 0.4827)  # of what went in, of what came out
-NOTHING_NM = 2.0  # a difference in print below which both agree
+PRINTED_RMS_UM = (0.4828, 0.4827)  # of the given coefficients, of the measured ones
+NOTHING_NM = 2.0  # printed differences below it agree
 
 
 def study(traces: SharedTraces) -> StudyResult:
     scene, rays = load_scene("sphere-deviated"), traces.ray_numbers[-1]
     run = traces.full(scene.name, rays)
     found = _terms(_compared(run.stack, scene))
-    # without ray noise, by the same measure: what sampling by lines, averaging over pixels and the rim leave
+    # without ray noise, by the same method: errors of sampling by lines, averaging over pixels and the rim
     noiseless = _terms(_compared(trace(scene, estimator="analytic").images(LineScan(scene)), scene))
     rows = []
     for noll, (given, estimate) in found.items():
@@ -61,17 +61,17 @@ def _compared(stack: ImageStack, scene: Scene) -> Comparison:
 
 
 def _terms(comparison: Comparison) -> dict[int, tuple[float, Estimate]]:
-    """Given and found [um] of the scene's terms, by Noll's number."""
+    """Given and measured coefficients [um] of the scene's terms, by Noll index."""
     return {t.noll: (t.input_um, Estimate(t.output_um, t.standard_error_um)) for t in comparison.zernike if t.input_um}
 
 
 def _better(ours: float, paper: float) -> str:
-    """In which sense a difference from zero is better: nearer to it."""
+    """The better direction of a difference, "lower" or "higher": the one that is nearer to zero."""
     return ("lower" if ours < paper else "higher") if abs(ours) < abs(paper) else ""
 
 
 def _root_sum_square(stack: ImageStack, scene: Scene) -> Estimate:
-    """Of the scene's terms [um], with the scatter of the ten parts measured apart."""
+    """Root sum square of the scene's terms [um], with the scatter of the ten separately measured replicates."""
     parts = [_terms(_compared(stack.replicate(k), scene)) for k in range(len(stack.x.weights))]
     sums = [math.hypot(*(e.value for _, e in part.values())) for part in parts]
     whole = math.hypot(*(e.value for _, e in _terms(_compared(stack, scene)).values()))

@@ -32,8 +32,8 @@ PRINTED = {  # slope x, slope y [urad], height [nm]
     "sphere": ((2.6812, 2.8056, 7.08), (0.8642, 0.9149, 2.28), (0.3861, 0.4418, 1.10)),
     "sphere-deviated": ((2.6735, 2.7937, 6.69), (0.8678, 0.9058, 2.32), (0.3586, 0.4263, 1.05)),
 }
-STATISTICS = 0.24  # relative: SNRs from ten runs tell the paper's overfill, so the size of its noise, no better
-SMALL = 0.05  # relative: what the prediction leaves out, and the spread of its own 32 draws of noise
+STATISTICS = 0.24  # relative: SNRs from ten runs give the paper's overfill, and so its noise, no more accurately
+SMALL = 0.05  # relative: effects that the prediction neglects, and the spread of its own 32 noise draws
 OF_TEN = "its own slopes give about three times this height: a mean of ten"
 CHEAP = {"sampler": "sobol", "smoothing": True, "rays_per_pixel": 64, "replicates": 1}
 
@@ -64,7 +64,7 @@ def study(traces: SharedTraces) -> StudyResult:
 
 
 def _errors(stack: ImageStack, scene: Scene, measure: str = "paper") -> list[Estimate]:
-    """Slope errors x, y [urad], height errors [nm] without piston, tilt and without power too."""
+    """Slope errors x, y [urad]; height errors [nm] without piston and tilt, and also without power."""
     found = compare(measure_by(measure, stack, scene.nominal()), scene)
     return [*found.slope_error_urad.values(), found.height_error_nm["piston_tilt"],
             found.height_error_nm["piston_tilt_power"]]  # fmt: skip
@@ -111,7 +111,7 @@ def _below(paper: float, floor: float) -> str:
 
 
 def _adjoint(traces: SharedTraces) -> Iterator[VerdictRow]:
-    """The adjoint estimator with as many rays in all as the paper's largest run, and with ever fewer."""
+    """The adjoint estimator with as many rays in total as the paper's largest run, and with fewer and fewer."""
     scene = load_scene("sphere-deviated")
     light = trace(scene, estimator="analytic")
     pixels = len(light.windows.pixels)
@@ -128,7 +128,7 @@ def _adjoint(traces: SharedTraces) -> Iterator[VerdictRow]:
 def _by(
     traces: SharedTraces, scene: Scene, how: str, rays: int, options: dict, measure: str, floor: float
 ) -> Iterator[VerdictRow]:
-    """Height error and seconds of an adjoint run, beside the paper's run with so many rays per screen pixel."""
+    """Height error and seconds of an adjoint run, compared with the paper's run with `rays` per screen pixel."""
     done = trace(scene, device=traces.device, estimator="adjoint", seed=SEED, progress=traces.progress,
                  keeper=traces.keeper, **options)  # fmt: skip
     stack, paper = done.images(LineScan(scene)), PRINTED["sphere-deviated"][PAPER_RAYS.index(rays)][2]

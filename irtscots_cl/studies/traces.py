@@ -1,4 +1,4 @@
-"""The lab of the studies: traces at the paper's ray numbers, each made once and shared by all studies."""
+"""Traces for the studies at the paper's ray numbers. Each is made once and shared by all studies."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from irtscots_cl.tracing.trace import trace
 
 PAPER_RAYS = (156_250, 1_562_500, 15_625_000)  # per screen pixel
 PAPER_RAYS_PER_SECOND = 156_250 / 5.0  # of one core of an Intel Core i5 at 2.67 GHz
-PAPER_OVERFILL = 3.4  # of the paper's emission over the mirror's disk, as its signal-to-noise ratios tell
-RUNS = 10  # that a ratio or a mean is taken over
+PAPER_OVERFILL = 3.4  # of the paper's emission over the mirror's disk, derived from its signal-to-noise ratios
+RUNS = 10  # number of runs for a ratio or a mean
 CENTRE = 62 * 125 + 62  # flat number of the detector's centre pixel
 SEED = 1
 SEEDS = {"sphere": 1, "sphere-deviated": 2, "off-axis": 3}  # different, so that their noise is independent
@@ -28,9 +28,10 @@ SEEDS = {"sphere": 1, "sphere-deviated": 2, "off-axis": 3}  # different, so that
 
 @dataclass(frozen=True)
 class SharedTrace:
-    """What is kept of a trace. Its replicates are the runs of `runs`, or the parts of one run of `full`.
+    """The stored results of a trace. Its replicates are the runs of `runs`, or the parts of one run of `full`.
 
-    seconds: build, trace, kernels. rays: traced in all. equivalent: that a full emission would have needed for it.
+    seconds: build, trace, kernels. rays: total number traced. equivalent: number of rays that a full emission would
+    have needed.
     """
 
     scene: Scene
@@ -45,9 +46,10 @@ class SharedTrace:
 
 
 class SharedTraces:
-    """Traces for the studies. quick: without the paper's largest ray number, and a hundredth of the off-axis case's.
+    """Traces for the studies. quick: omit the paper's largest ray number, and trace a hundredth of the off-axis
+    case's rays.
 
-    progress(done, total): called after each launch with ray numbers. keeper: of all traces.
+    progress(done, total): called after each launch, with numbers of rays. keeper: checkpoints of all traces.
     """
 
     def __init__(
@@ -62,13 +64,14 @@ class SharedTraces:
         self._kept: dict[tuple, SharedTrace] = {}
 
     def full(self, name: str, rays: int) -> SharedTrace:
-        """One run of the paper's forward estimator, every ray of its overfilled cones traced; in RUNS parts."""
+        """One run of the paper's forward estimator with all rays of its overfilled cones, in RUNS replicates."""
         return self._trace(name, rays, "mirror", 1.0)
 
     def runs(self, name: str, rays: int) -> SharedTrace:
-        """RUNS runs of so many rays per screen pixel each, with the statistics of `full`, at a fraction of its rays.
+        """RUNS runs of `rays` per screen pixel each, with the statistics of `full` but a fraction of its rays.
 
-        Rays leave only towards what the camera sees of the mirror (aiming.py); each weighs what one of `full` weighs.
+        Rays leave only towards the part of the mirror that the camera sees (optics/aim.py). Each has the weight of a
+        ray of `full`.
         """
         return self._trace(name, RUNS * rays, "camera", camera_aim(load_scene(name)).share)
 
@@ -104,6 +107,6 @@ def light_curve(stack: ImageStack, axis: str, pixel: int) -> tuple[np.ndarray, n
 
 
 def describe(traced: SharedTrace) -> str:
-    """Rays and seed of a trace, for a study's notes."""
+    """Ray number and seed of a trace, for a study's notes."""
     saved = "" if traced.rays == traced.equivalent else f", standing for {traced.equivalent:,} in the paper's cones"
     return f"{traced.scene.name}: {traced.rays:,} forward rays, Philox, seed {SEEDS[traced.scene.name]}{saved}"

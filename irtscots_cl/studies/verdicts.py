@@ -1,4 +1,4 @@
-"""What a study found: rows of paper, theory and our own number, each with a verdict that says how it was tested."""
+"""Results of a study: rows with the paper's number, theory and our number, each with a verdict and its test."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from irtscots_cl.report.tables import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FAILURE_CHANCE = 1e-5  # of a verdict's test, were theory and program right
+FAILURE_CHANCE = 1e-5  # probability that a verdict's test fails although theory and program are right
 Z_LIMIT = float(stats.norm.isf(FAILURE_CHANCE / 2))
 AGREES, BETTER, INCONSISTENT = "agrees", "better", "paper inconsistent"
 DIFFERS, ALONE = "differs", "ours alone"
-ROUNDING = 1e-9  # relative, of numbers without any other error
+ROUNDING = 1e-9  # relative, for numbers without any other error
 TEST = f"tested against theory to {Z_LIMIT:.1f} standard errors, failure chance {FAILURE_CHANCE:g} each"
 HEAD = ("quantity", "paper", "expected", "ours", "verdict", "because")
 
 
 @dataclass(frozen=True)
 class VerdictRow:
-    """One line of a study's table. quantity: with its unit; paper, expected: NaN where there is none."""
+    """One line of a study's table. quantity: name with unit; paper, expected: NaN if there is none."""
 
     quantity: str
     paper: float
@@ -68,11 +68,11 @@ def row(
 ) -> VerdictRow:
     """A row with its verdict.
 
-    First, ours is tested against theory: they may differ by `allowed` (what theory leaves out, as the study's notes
-    say) and Z_LIMIT standard errors on top, else the verdict is "differs". Then, the paper's number agrees if ours is
-    within `closeness` (relative) or Z_LIMIT standard errors of it. If it does not, the verdict is "paper inconsistent"
-    where `inconsistent` tells why the paper's inputs do not give its number, "better" where ours is better in the sense
-    of `better` ("lower" or "higher"), else "differs". Without theory and paper our number stands alone.
+    First, ours is compared with theory: they may differ by `allowed` (effects that theory neglects; see the study's
+    notes) plus Z_LIMIT standard errors, else the verdict is "differs". Then ours is compared with the paper's number:
+    they agree if ours is within `closeness` (relative) or Z_LIMIT standard errors of it. If they do not, the verdict is
+    "paper inconsistent" if `inconsistent` says why the paper's inputs do not give its number; "better" if ours is
+    better in the sense of `better` ("lower" or "higher"); else "differs". Without theory and paper there is no test.
     """
     error = ours.standard_error if math.isfinite(ours.standard_error) else 0.0
     with_theory = ""
@@ -88,7 +88,7 @@ def row(
 
 
 def _beside_paper(ours: float, error: float, paper: float, closeness: float, better: str, inconsistent: str):
-    """Verdict and reason from our number beside the paper's alone."""
+    """Verdict and reason from comparing our number with the paper's only."""
     away = abs(ours - paper)
     if away <= closeness * abs(paper):
         return AGREES, f"{ours / paper - 1:+.0%} from the paper"

@@ -1,4 +1,4 @@
-"""Error of the integration of slopes alone: each method on exact slopes, against the number of sampling points."""
+"""Error of slope integration alone: each method on exact slopes, for several numbers of sampling points."""
 
 from __future__ import annotations
 
