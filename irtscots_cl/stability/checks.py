@@ -1,4 +1,4 @@
-"""What a case of the stability table is, and what it found."""
+"""The cases of the stability table and their findings."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Limit:
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the table: the errors of a quantity over its samples, against a limit.
+    """One line of the table: the errors of a quantity over its samples, and their limit.
 
-    quantity: what was compared with what. rms: NaN where a single number was compared.
+    quantity: the comparison in words. rms: NaN for a single number.
     """
 
     quantity: str
@@ -34,12 +34,12 @@ class Finding:
 
     @property
     def passed(self) -> bool:
-        """False for an error that is not a number, too."""
+        """Whether the largest error is within the limit; false for NaN."""
         return bool(self.largest <= self.limit.value)
 
 
 def finding(quantity: str, errors: np.ndarray, limit: Limit) -> Finding:
-    """Largest magnitude and rms of errors [n]; no sample at all, or one that is not a number, fails."""
+    """Largest magnitude and rms of errors [n]. It fails if there is no sample, or if one is NaN."""
     errors = np.abs(np.ravel(np.asarray(errors, float)))
     if errors.size == 0:
         return Finding(quantity, float("nan"), float("nan"), 0, limit)
@@ -47,13 +47,13 @@ def finding(quantity: str, errors: np.ndarray, limit: Limit) -> Finding:
 
 
 def count(quantity: str, wrong: int, samples: int, reason: str) -> Finding:
-    """So many of the samples are wrong; none may be."""
+    """A finding that `wrong` of the samples are wrong; none may be."""
     return Finding(quantity, float(wrong), float("nan"), samples, Limit(0, "wrong", reason))
 
 
 @dataclass(frozen=True)
 class Bench:
-    """What a case runs on. device: None for what the host computes, in float64."""
+    """The device and precision that a case runs on. device: None for the host, in float64."""
 
     device: Device | None
     precision: str
@@ -61,7 +61,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class Case:
-    """A hard case: run gives its findings on a bench.
+    """A hard case: run(bench) returns its findings.
 
     long: takes more than a few seconds, so `irtscots stability` leaves it out without --long. on_host: needs no device.
     """

@@ -1,4 +1,4 @@
-"""Cases: where lines meet conics of every kind, and the normal there."""
+"""Cases: where lines meet all kinds of conics, and the normal there."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from irtscots_cl.tracing.checks.probes import MeetProbe
 RAYS = 256
 SEED = 11
 
-# Relative to the mirror's diameter, across the ray: a place along the surface is 1 / cos(incidence) as uncertain.
+# Relative to the mirror's diameter, across the ray. Along the surface the error is 1 / cos(incidence) times as large.
 POINT = {
     "fp32": Limit(2.5e-7, "diameters", "1/4000 of a footprint where 1000 detector pixels cross the mirror"),
     "fp64": Limit(1e-15, "diameters", "five roundings: a reference for fp32 and others"),
@@ -45,7 +45,7 @@ MIRRORS: dict[str, tuple[float, float, float, float]] = {
     "oblate ellipsoid off axis to the parent's edge": (1000.0, 0.2, 900.0, 25.0),
     "off-axis hyperboloid": (1000.0, -3.0, 3000.0, 900.0),
 }
-# Mirrors whose parent has another half that lines could meet: a second sheet, or all that is above its widest circle.
+# Mirrors whose parent has another half that lines could meet: a second sheet, or the part above its widest circle.
 HALVES: dict[str, tuple[float, float, float, float]] = {
     "hyperboloid, k = -100": (100.0, -100.0, 0.0, 100.0),
     "off-axis hyperboloid": (100.0, -30.0, 60.0, 90.0),
@@ -56,7 +56,7 @@ HALVES: dict[str, tuple[float, float, float, float]] = {
 
 
 def mirror_scene(mirror: Mirror, distance_mm: float = 4000.0, arm: float = 0.05) -> Scene:
-    """Any test of the mirror: screen and camera above it, to either side by that part of their distance."""
+    """A test of the mirror: screen and camera above it, to either side by `arm` times their distance."""
     side = arm * distance_mm
     detector = Detector(pixels=(16, 16), pitch_mm=0.1)
     return Scene(
@@ -70,7 +70,7 @@ def mirror_scene(mirror: Mirror, distance_mm: float = 4000.0, arm: float = 0.05)
 
 
 def points_on(mirror: Mirror, n: int, random: np.random.Generator) -> np.ndarray:
-    """Points [3, n] of the design surface, evenly over the aperture; every eighth next to the rim."""
+    """Points [3, n] of the design surface, uniform over the aperture; every eighth lies close to the rim."""
     angle, area = 2 * np.pi * random.random(n), random.random(n)
     area[::8] = 0.99999
     radius = mirror.diameter_mm / 2 * np.sqrt(area)
@@ -80,13 +80,13 @@ def points_on(mirror: Mirror, n: int, random: np.random.Generator) -> np.ndarray
 
 
 def lines_through(points: np.ndarray, slopes: np.ndarray, precision: str) -> np.ndarray:
-    """Lines [4, n] (x0, y0, p, q) through points [3, n] with slopes (p, q) [2, n], in numbers of the precision."""
+    """Lines [4, n] (x0, y0, p, q) through points [3, n] with slopes (p, q) [2, n], in that precision."""
     x, y, z = points
     return np.stack([x - slopes[0] * z, y - slopes[1] * z, *slopes]).astype(PRECISIONS[precision])
 
 
 def _bundles(mirror: Mirror, points: np.ndarray, random: np.random.Generator) -> dict[str, np.ndarray]:
-    """Slopes (p, q) [2, n] of lines through points [3, n]: parallel to z, from near the centre of curvature, any."""
+    """Slopes (p, q) [2, n] of lines through points [3, n]: parallel to z, from near the centre of curvature, random."""
     n = points.shape[1]
     height = min(mirror.radius_mm, 1e4)
     source = np.array([[0.05 * height], [0.0], [height]])
@@ -110,9 +110,9 @@ def _meet(mirror: tuple[float, float, float, float], bench: Bench) -> list[Findi
 
 
 def compare(right, met, mirror: Mirror, precision: str, prefix: str = "") -> list[Finding]:
-    """Points and normals of the lines that exactly hit the mirror, and who hits it.
+    """Errors of points and normals of the lines that hit the mirror exactly, and wrong decisions about hits.
 
-    A miss of the mirror beside its rim, within the point's own limit, is no error.
+    A wrong decision at the rim, within the point's own limit, is no error.
     """
     hit = right.on_mirror
     with np.errstate(invalid="ignore"):
@@ -137,7 +137,7 @@ def _other_half(mirror: tuple[float, float, float, float], bench: Bench) -> list
     met = probe(lines)
     right = ExactMirror(made).meet(lines[:, met.on_mirror])
     from_rim = np.abs(np.hypot(*met.point[:2, met.on_mirror]) - made.diameter_mm / 2)
-    wrong = ~right.on_mirror & (from_rim > 1e-3 * made.diameter_mm)  # nearer, a tangent line may go either way
+    wrong = ~right.on_mirror & (from_rim > 1e-3 * made.diameter_mm)  # closer to the rim, a tangent line may hit or miss
     return [count("hits where the mirror is not", int(wrong.sum()), n, "the far sheet or upper half is no mirror")]
 
 

@@ -1,4 +1,4 @@
-"""Cases: sums and weights at their extremes, and light beside light that is a million million times brighter."""
+"""Cases: sums and weights at their extremes, and light next to light that is 10^12 times brighter."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _sums(bench: Bench) -> list[Finding]:
     amounts[targets == 2] = 2**31
     amounts[targets == 3] = 1
     amounts[targets == 4] = 0
-    amounts[np.flatnonzero(targets == 4)[:3]] = [2**64 - 2**32, 2**32 - 2, 1]  # to the largest sum there is
+    amounts[np.flatnonzero(targets == 4)[:3]] = [2**64 - 2**32, 2**32 - 2, 1]  # to the largest possible sum
     expected = [sum(int(a) for a in amounts[targets == k]) for k in range(7)]
     work = Workspace(bench.device, compose("probe_sums.cl", {}, {}, bench.precision, 1), "probe_sums")
     sums, wrong = work.empty(8 * 7), 0
@@ -74,7 +74,7 @@ def _pinhole() -> Scene:
 
 
 def _wide_pixels(bench: Bench) -> list[Finding]:
-    """A camera close to a large plane mirror, whose two pixels span 84 degrees each: cos^4 varies by 10^4 in them."""
+    """A camera close to a large plane mirror, whose two pixels span 84 degrees each: cos^4 varies by 10^4 in one."""
     plane = Mirror(radius_mm=1e12, diameter_mm=2000.0)
     scene = scene_of(plane, (0.0, 0.0, 100.0), (0.0, 0.0, 200.0), 2000.0)
     wide = Detector(pixels=(2, 1), pitch_mm=12 * scene.camera.image_distance_mm)

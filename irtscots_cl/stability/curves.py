@@ -1,4 +1,4 @@
-"""Cases: light curves that cannot be used. Each is flagged, and none becomes a number without a word."""
+"""Cases: light curves that cannot be used. Each must be flagged; none may silently become a number."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from irtscots_cl.measurement.light_curves import Flag, flag_curves
 from irtscots_cl.stability.checks import Bench, Case, Finding, Limit, count, finding
 
 LINES, PITCH_MM = 41, 0.2
-HALF_WIDTH_MM = 0.7  # of the curves, whose light the geometry lets reach that far
+HALF_WIDTH_MM = 0.7  # of the curves; the geometry allows light this far from the centroid
 LIMIT_W = 0.9
 POSITIONS_MM = (np.arange(LINES) - (LINES - 1) / 2) * PITCH_MM
 EXACT = Limit(1e-12, "mm", "rounding of a mean of a few lines")
 
 
 def _bell(middle_mm: float, height: float = 0.8) -> np.ndarray:
-    """A raised cosine over the lines: its centroid is its middle, also when it is sampled by lines."""
+    """A raised cosine over the lines: its centroid is its middle, also after sampling by lines."""
     phase = np.clip((POSITIONS_MM - middle_mm) / HALF_WIDTH_MM, -1, 1)
     return height * np.cos(np.pi / 2 * phase) ** 2
 
@@ -45,7 +45,7 @@ def _curves() -> dict[str, tuple[np.ndarray, Flag]]:
 
 
 def _flags(bench: Bench) -> list[Finding]:
-    """All of them as the pixels of one detector."""
+    """Check all curves, as the pixels of one detector."""
     curves = _curves()
     images = np.stack([curve for curve, _ in curves.values()], -1)[:, None, :]  # [lines, 1 row, columns]
     scan = ImageStack(*(Scan.from_images(axis, POSITIONS_MM, images) for axis in "xy")).saturating_at(LIMIT_W).x

@@ -1,4 +1,4 @@
-"""Cases: rays that touch an edge exactly, and grazing rays: each has one fate, the same every time."""
+"""Cases: rays that touch an edge exactly, and grazing rays. Each has one fate, the same in every run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ GRAZING_DEGREES = (60.0, 80.0, 89.0, 89.5, 89.9)
 
 
 def _grazing(degrees: float, bench: Bench) -> list[Finding]:
-    """Rays at one angle to the normal of the point that they meet, from all sides."""
+    """Rays from all sides at one angle to the normal of the point that they meet."""
     mirror = Mirror(radius_mm=1e4, conic=-0.8, diameter_mm=500.0)
     random = np.random.default_rng(SEED)
     points = points_on(mirror, RAYS, random)
@@ -33,21 +33,21 @@ def _grazing(degrees: float, bench: Bench) -> list[Finding]:
     aside /= np.linalg.norm(aside, axis=0)
     angle = np.radians(degrees)
     upwards = np.cos(angle) * normal + np.sin(angle) * aside
-    steep = upwards[2] > np.cos(np.radians(89.9))  # to the axis too: no device stands lower
+    steep = upwards[2] > np.cos(np.radians(89.9))  # to the axis too: no device is lower
     lines = lines_through(points[:, steep], upwards[:2, steep] / upwards[2, steep], bench.precision)
     probe = MeetProbe(bench.device, mirror_scene(mirror), bench.precision)
     return compare(ExactMirror(mirror).meet(lines), probe(lines), mirror, bench.precision)
 
 
 def _rims(bench: Bench) -> list[Finding]:
-    """Vertical rays on circles of whole numbers (3-4-5, 5-12-13): their squares add up without rounding."""
+    """Vertical rays on circles through integer points (3-4-5, 5-12-13): sums of squares have no rounding."""
     mirror = Mirror(radius_mm=4000.0, diameter_mm=1040.0, obscuration_mm=260.0)
     probe = MeetProbe(bench.device, mirror_scene(mirror), bench.precision)
     found = []
     for name, radius, inside in (("rim", 520.0, 0.0), ("hole", 130.0, np.inf)):
         on = radius * np.array([(1, 0), (0, 1), (-1, 0), (0, -1), (0.6, 0.8), (-5 / 13, 12 / 13), (12 / 13, -5 / 13)]).T
         on = np.rint(on).astype(PRECISIONS[bench.precision])
-        axis = on[:, :4]  # where one step of a coordinate is a step across the edge
+        axis = on[:, :4]  # where one rounding step of a coordinate crosses the edge
         step = np.nextafter(np.abs(axis), axis.dtype.type(inside)) * np.sign(axis)
         beyond = np.nextafter(np.abs(axis), axis.dtype.type(np.inf - inside if inside == 0 else 0)) * np.sign(axis)
         wrong = sum(
@@ -59,7 +59,7 @@ def _rims(bench: Bench) -> list[Finding]:
 
 
 def _corner_scene(offset_lines: float) -> Scene:
-    """Camera and screen at an ellipsoid's foci, a pinhole: all light lands in one point, here a corner of pixels."""
+    """Camera and screen at an ellipsoid's foci, a pinhole: all light lands at one point, a corner of pixels."""
     ellipsoid = Mirror(radius_mm=3000.0, conic=-0.25, diameter_mm=1000.0)
     scene = scene_of(ellipsoid, (0.0, 0.0, 2000.0), (0.0, 0.0, 6000.0), 0.2)
     screen = dataclasses.replace(scene.screen, pixels=(6, 6), centre_offset_mm=(0.2 * offset_lines,) * 2)
@@ -68,7 +68,7 @@ def _corner_scene(offset_lines: float) -> Scene:
 
 
 def _corners(bench: Bench) -> list[Finding]:
-    """The same rays, once on the corner of four screen pixels and once in the middle of one."""
+    """The same rays, on the corner of four screen pixels and in the middle of one."""
 
     def run(offset_lines: float, **options) -> Transport:
         return trace(_corner_scene(offset_lines), device=bench.device, precision=bench.precision,
@@ -101,7 +101,7 @@ def _speck_scene(pixels: int) -> Scene:
 
 
 def _detector_corner(bench: Bench) -> list[Finding]:
-    """The same rays forward, with the detector's centre once on a corner of four pixels and once in one's middle."""
+    """The same forward rays, with the detector's centre on a corner of four pixels and in the middle of one."""
 
     def run(pixels: int, **options) -> Transport:
         return trace(_speck_scene(pixels), device=bench.device, precision=bench.precision, estimator="forward",

@@ -1,4 +1,4 @@
-"""A test's rays at 50 digits, written from the physics: the conic's implicit equation, the law of reflection, planes.
+"""A test's rays at 50 digits, from the physics: the conic's implicit equation, the law of reflection, planes.
 
 Arrays hold mpmath numbers (dtype object), one per ray; vectors are lists of three such arrays. Lengths in mm.
 """
@@ -13,8 +13,8 @@ import numpy as np
 
 from irtscots_cl.maths.zernike.indices import index_to_nm
 
-DIGITS = 50  # the factorial sums of radial order 40 lose 15, roots next to a tangent 10 more
-NEWTON_STEPS = 5  # from the design to the deviated surface: each doubles the digits, of which a ray needs 25
+DIGITS = 50  # the factorial sums of radial order 40 lose 15 digits, roots close to a tangent 10 more
+NEWTON_STEPS = 5  # from the design to the deviated surface: each doubles the number of digits; a ray needs 25
 
 
 def _context():
@@ -22,20 +22,20 @@ def _context():
         import mpmath
     except ImportError:
         raise ValueError("irtscots stability needs mpmath: pip install 'irtscots-cl[stability]'") from None
-    context = mpmath.mp.clone()  # the global one may be another program's
+    context = mpmath.mp.clone()  # the global context may belong to another program
     context.dps = DIGITS
     return context
 
 
 class _Numbers:
-    """mpmath on arrays; made on first use, so that the package starts without mpmath."""
+    """mpmath on arrays. The context is made on first use, so that the package starts without mpmath."""
 
     @cached_property
     def context(self):
         return _context()
 
     def exact(self, values) -> np.ndarray:
-        """The binary values of floats, unchanged, as exact numbers."""
+        """Floats as exact numbers with the same binary value."""
         of_float = np.frompyfunc(lambda v: self.context.mpf(float(v)), 1, 1)
         return np.asarray(of_float(np.asarray(values)), dtype=object)
 
@@ -53,7 +53,7 @@ def dot(a, b):
 
 
 def error(device_values, exact_values) -> np.ndarray:
-    """Device values less exact ones, taken exactly, as float64 of the same shape."""
+    """Device values minus exact ones, computed exactly, as float64 of the same shape."""
     return np.asarray(NUMBERS.exact(device_values) - exact_values).astype(float)
 
 
@@ -102,7 +102,7 @@ class ExactMirror:
         return [self._x[0] * v[0] + self._z[0] * v[2], v[1], self._x[2] * v[0] + self._z[2] * v[2]]
 
     def _design(self, start, direction):
-        """Height z where lines cross the parent from its inside, next to the vertex; NaN where none does.
+        """Height z where lines cross the parent from its inside, nearest the vertex; NaN for lines that do not.
 
         Along a line F = X^2 + Y^2 + (1 + k) Z^2 - 2 R Z is a quadratic in z; light that comes down from the inside,
         where F < 0, leaves through the root where F falls with z.
@@ -138,17 +138,17 @@ class ExactMirror:
         return height, slope_x, slope_y
 
     def meet(self, lines) -> ExactMet:
-        """Follow lines [4, n] (x0, y0, p, q) of floats down to the surface as made."""
+        """Follow lines [4, n] (x0, y0, p, q), given as floats, down to the surface as made."""
         return self.meet_exact([NUMBERS.exact(c) for c in lines])
 
     def meet_exact(self, lines) -> ExactMet:
-        """Follow lines [4][n] of exact numbers, the points (x0 + p z, y0 + q z, z), down to the surface as made."""
+        """Follow lines [4][n], given as exact numbers, with points (x0 + p z, y0 + q z, z), to the surface as made."""
         x0, y0, p, q = lines
         start, direction = [x0, y0, p * 0], [p, q, p * 0 + 1]
         z = self._design(start, direction)
         point = [s + z * d for s, d in zip(start, direction, strict=True)]
         normal, parent_down = self._normal(point)
-        # the half of the parent that the segment belongs to: its own sheet, below its widest circle
+        # the segment's half of the parent: its own sheet, below the widest circle
         met = np.array([bool(n > 0 and down > 0) for n, down in zip(normal[2], parent_down, strict=True)])
         if self.mirror.zernike:
             point, normal = self._deviated(start, direction, z)
@@ -159,7 +159,7 @@ class ExactMirror:
         return ExactMet(point, normal, outgoing, np.abs(along.astype(float)), met & self._contains(point))
 
     def _deviated(self, start, direction, z):
-        """Newton's method on design(point lowered by the deviation) = 0 along the lines."""
+        """Newton's method along the lines on design(point minus deviation) = 0."""
         for _ in range(NEWTON_STEPS):
             point = [s + z * d for s, d in zip(start, direction, strict=True)]
             height, slope_x, slope_y = self.deviation(point[0], point[1])
@@ -201,7 +201,7 @@ def zernike_exact(n: int, m: int, x, y):
 
 
 class ExactFrame:
-    """A screen's or camera's frame: z from what it looks at back to it, x = unit(Y x z), y = z x x."""
+    """A screen's or camera's frame: +z away from the point it looks at, x = unit(Y x z), y = z x x."""
 
     def __init__(self, position_mm, look_at_mm):
         self.position = [NUMBERS.exact(c)[()] for c in position_mm]
@@ -227,8 +227,8 @@ class ExactFrame:
 def adjoint_landing(scene, image, aperture) -> tuple[list, ExactMet, np.ndarray]:
     """Rays from image points through aperture points, both [2][n] exact in the camera's frame, to the screen.
 
-    Returns the landing points [2][n] in the screen's frame, where the rays met the mirror, and whether they run towards
-    the screen. The lens images the upright point X from X focus / image distance of the plane in focus.
+    Returns the landing points [2][n] in the screen's frame, the points where the rays met the mirror, and whether they
+    run towards the screen. The lens images the upright point X from X focus / image distance of the plane in focus.
     """
     camera, one = scene.camera, NUMBERS.exact
     frame = ExactFrame(camera.position_mm, camera.look_at_mm)

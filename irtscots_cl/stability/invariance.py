@@ -1,4 +1,4 @@
-"""Cases: what must not change, or change exactly, when a whole test is mirrored, turned or scaled."""
+"""Cases: quantities that must stay the same, or change exactly, when a test is mirrored, turned or scaled."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _base(off_axis_mm: float = 900.0) -> Scene:
 
 
 def mirrored_in_y(scene: Scene) -> Scene:
-    """The same test seen in a mirror: every y negated, sine terms too."""
+    """The mirror image of a test: every y and every sine term is negated."""
     zernike = tuple(
         dataclasses.replace(terms, coefficients_um={
             j: -c if index_to_nm(j, terms.ordering)[1] < 0 else c for j, c in terms.coefficients_um.items()})
@@ -50,7 +50,7 @@ def mirrored_in_y(scene: Scene) -> Scene:
 
 
 def scaled(scene: Scene, factor: float) -> Scene:
-    """The same test with every length multiplied."""
+    """The same test with every length multiplied by factor."""
 
     def grown(part, *names):
         values = {name: getattr(part, name) for name in names}
@@ -75,7 +75,7 @@ def scaled(scene: Scene, factor: float) -> Scene:
 
 
 def _mirrored(bench: Bench) -> list[Finding]:
-    """Words whose complement gives the negative number: of the pixel's y and of the aperture's angle."""
+    """The complements of the words for the pixel's y and the aperture's angle give the negative numbers."""
     scene, words = _base(), random_words(PIXELS**2, RAYS)
     image = words.reshape(PIXELS, PIXELS, RAYS, 4)[::-1].reshape(PIXELS**2, RAYS, 4).copy()  # pixel rows upside down
     image[..., [1, 3]] = ~image[..., [1, 3]]
@@ -89,7 +89,7 @@ def _mirrored(bench: Bench) -> list[Finding]:
 
 
 def _turned(bench: Bench) -> list[Finding]:
-    """Lines and devices turned by 90 degrees about the axis of a mirror of revolution: the light turns with them."""
+    """Lines and devices turned by 90 degrees about the axis of a mirror of revolution: the light turns too."""
     mirror = Mirror(radius_mm=4166.747, conic=-0.7, diameter_mm=1064.0)
     points = points_on(mirror, RAYS, np.random.default_rng(1))
     scene = scene_of(mirror, (-150.0, 40.0, 4200.0), (140.0, -30.0, 4250.0), 0.2)
@@ -109,7 +109,7 @@ def _turned(bench: Bench) -> list[Finding]:
 
 
 def _scaled_by_power(factor: float, bench: Bench) -> list[Finding]:
-    """A power of two changes exponents alone: every count is the same, the flux grows with the square."""
+    """A power of two changes only exponents: every count is the same, and the flux grows with the square."""
     scene = _base()
     options = {"device": bench.device, "precision": bench.precision, "rays_per_pixel": TRACED, "replicates": 2}
     here, there = trace(scene, **options), trace(scaled(scene, factor), **options)

@@ -1,4 +1,4 @@
-"""Cases: integration of slopes on masks that are hard to join: bridges, islands, a ring, a pixel, a million nodes."""
+"""Cases: integration of slopes on difficult masks: bridges, islands, a ring, a pixel, a million nodes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _surface(x_mm: np.ndarray, y_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _nodes(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Node positions [size, size]: a grid that is sheared and bent, as an oblique camera sees a mirror."""
+    """Node positions [size, size]: a sheared and bent grid, as an oblique camera sees a mirror."""
     row, column = np.meshgrid(np.arange(size) - size / 2, np.arange(size) - size / 2, indexing="ij")
     return STEP_MM * (column + 0.1 * row + 1e-4 * column * row), STEP_MM * (row - 0.05 * column)
 
@@ -43,7 +43,7 @@ def _masks() -> dict[str, np.ndarray]:
     spiral = (radius < 31) & (((np.arctan2(row - 31.5, column - 31.5) / (2 * np.pi) + radius / 6) % 1) < 0.55)
     pixel = empty.copy()
     pixel[10, 50] = True
-    diagonal = np.eye(SIZE, dtype=bool)  # every pixel touches the next at a corner alone
+    diagonal = np.eye(SIZE, dtype=bool)  # every pixel touches the next only at a corner
     comb = (row < 3) | (column % 2 == 0)
     return {
         "a disk": radius < 31,
@@ -60,7 +60,7 @@ def _masks() -> dict[str, np.ndarray]:
 
 
 def _quadratic(mask: np.ndarray, bench: Bench) -> list[Finding]:
-    """Every island's heights less the true ones, each with its own mean taken out."""
+    """Every island's heights minus the true ones, each without its own mean."""
     x, y = _nodes(SIZE)
     height, slope_x, slope_y = _surface(x, y)
     nan = np.where(mask, 0.0, np.nan)  # nothing outside the mask may matter
@@ -80,7 +80,7 @@ def _quadratic(mask: np.ndarray, bench: Bench) -> list[Finding]:
 
 
 def _large_job(size: int, answer) -> None:
-    """In a process of its own, whose largest memory is this job's."""
+    """Runs in a separate process, so that its peak memory is that of this job."""
     x, y = _nodes(size)
     height, slope_x, slope_y = _surface(x, y)
     started = time.perf_counter()
@@ -91,7 +91,7 @@ def _large_job(size: int, answer) -> None:
 
 
 def _peak_kib() -> int:
-    """Largest memory of this process. Linux' rusage counts the parent's, too, from before the program was replaced."""
+    """Peak memory of this process in KiB. Linux' rusage also counts the parent's memory from before exec."""
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")
     except OSError:
@@ -103,10 +103,10 @@ def _large(bench: Bench) -> list[Finding]:
     here, there = multiprocessing.get_context("spawn").Pipe()
     process = multiprocessing.get_context("spawn").Process(target=_large_job, args=(LARGE, there))
     process.start()
-    there.close()  # so that the pipe ends where the process does
+    there.close()  # so that the pipe closes when the process ends
     try:
         largest, rms, seconds, memory = here.recv()
-    except EOFError:  # killed for its memory, say
+    except EOFError:  # for example killed for its memory
         return [count("jobs that died", 1, 1, "a small computer must do it")]
     finally:
         process.join()

@@ -1,4 +1,4 @@
-"""Cases: whole paths from the camera's aperture over the mirror to the screen, for devices in awkward places."""
+"""Cases: whole paths from the camera's aperture over the mirror to the screen, for unusual positions of devices."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from irtscots_cl.stability.exact import NUMBERS, adjoint_landing, error
 from irtscots_cl.tracing.checks.probes import BLOCK, AdjointPaths, PathProbe, uniform_centred
 from irtscots_cl.tracing.packing.sources import receivers
 
-PIXELS = 8  # detector pixels across, all of them probed
-RAYS = 6  # of each
+PIXELS = 8  # detector pixels across; all are probed
+RAYS = 6  # of each pixel
 SEED = 12
 
 LANDING = {
@@ -27,7 +27,7 @@ LANDING = {
 
 
 def scene_of(mirror: Mirror, camera_mm, screen_mm, pitch_mm: float, **devices) -> Scene:
-    """A test whose detector just covers the mirror. devices: look_at_mm of screen and camera."""
+    """A test whose detector just covers the mirror. devices: further values of screen and camera."""
     distance = float(np.linalg.norm(camera_mm))
     focal, pixels = distance / 20, (PIXELS, PIXELS)
     image_mm = mirror.diameter_mm * focal / (distance - focal)
@@ -49,7 +49,7 @@ def scene_of(mirror: Mirror, camera_mm, screen_mm, pitch_mm: float, **devices) -
 def adjoint_probe(scene: Scene, bench: Bench, words: np.ndarray) -> tuple[AdjointPaths, np.ndarray]:
     """The device's paths from every detector pixel with words [pixels, rays, 4], and their image points [2, n].
 
-    The image points are exact numbers: the pixel's centre and the words' place in it, without rounding.
+    The image points are exact numbers: the pixel's centre plus the words' position in the pixel, without rounding.
     """
     chief, n = ChiefRays(scene), words.shape[1]
     pixels = np.arange(words.shape[0])
@@ -66,7 +66,7 @@ def adjoint_probe(scene: Scene, bench: Bench, words: np.ndarray) -> tuple[Adjoin
     columns, rows = scene.camera.detector.pixels
     pitch = NUMBERS.exact(scene.camera.detector.pitch_mm)[()]
     place = np.stack([column - (columns - 1) / 2 + of_pixel[:, 0], row - (rows - 1) / 2 + of_pixel[:, 1]])
-    return paths, NUMBERS.exact(place) * pitch  # the sums above are exact: 24 bits beside whole numbers
+    return paths, NUMBERS.exact(place) * pitch  # the sums above are exact: 24-bit fractions plus whole numbers
 
 
 def random_words(pixels: int, rays: int, seed: int = SEED) -> np.ndarray:
@@ -75,7 +75,7 @@ def random_words(pixels: int, rays: int, seed: int = SEED) -> np.ndarray:
 
 
 def landing_errors(scene: Scene, bench: Bench, words: np.ndarray):
-    """Landing errors [2, n] in lines of the rays that exactly hit the mirror, and those with the wrong fate."""
+    """Landing errors [2, n] in lines, of the rays that hit the mirror exactly, and the rays with a wrong fate."""
     paths, image = adjoint_probe(scene, bench, words)
     radius = NUMBERS.exact(scene.camera.aperture_diameter_mm)[()] / 2
     landing, met, ahead = adjoint_landing(scene, image, [NUMBERS.exact(c) * radius for c in paths.disk])
@@ -97,7 +97,7 @@ def _land(scene: Scene, bench: Bench) -> list[Finding]:
 
 
 def _places() -> dict[str, Scene]:
-    """Scenes by name; lines of 50 urad as seen from the mirror, as in the presets, where nothing else is said."""
+    """Scenes by name. Unless stated otherwise, lines are 50 urad wide seen from the mirror, as in the presets."""
     sphere = Mirror(radius_mm=4166.747, diameter_mm=1064.0)
     near, far = 3000.0 / 1.5, 3000.0 / 0.5  # foci of k = -0.25: R / (1 + e) and R / (1 - e), e = 1/2
     ellipsoid = Mirror(radius_mm=3000.0, conic=-0.25, diameter_mm=1000.0)

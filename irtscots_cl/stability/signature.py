@@ -1,4 +1,4 @@
-"""Cases: a deviation's signature on the screen grows in proportion to it, down to a hundredth of a nanometre."""
+"""Cases: a deviation's signature on the screen is proportional to it, down to a hundredth of a nanometre."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ LIMIT = Limit(0.01, "of 1", "calibrations of a test are good to 1 % of what it m
 
 
 def responses(bench: Bench, arm_degrees: float) -> np.ndarray:
-    """How far the light moves per deviation [amplitudes], projected on the deviation's slopes; the same if linear.
+    """Shift of the light per deviation [amplitudes], projected on the deviation's slopes; all equal if linear.
 
-    Half the difference between a deviation and its negative, over the same rays.
+    It is half the difference between a deviation and its negative, for the same rays.
     """
     n, random = RAYS, np.random.default_rng(SEED)
     unit = deviated({(2, 2): 1.0})

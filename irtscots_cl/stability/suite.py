@@ -1,4 +1,4 @@
-"""All hard cases on all devices: running them, and what they found as plain data and as tables."""
+"""All hard cases on all devices: runs them, and gives their findings as plain data and as tables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HOST = "host"
 
 
 def benches(devices: list[Device], case: Case) -> Iterator[Bench]:
-    """Where a case runs: once on the host, or on every device in every precision that it has."""
+    """The benches of a case: the host once, or every device in every precision that it has."""
     if case.on_host:
         yield Bench(None, "fp64")
         return
@@ -29,7 +29,7 @@ def benches(devices: list[Device], case: Case) -> Iterator[Bench]:
 def run_stability(
     devices: list[Device], long: bool = False, progress: Callable[[int, int], None] | None = None
 ) -> dict[str, object]:
-    """Run the cases, the long ones too if asked for; progress(done, total) after each. Plain data, for JSON."""
+    """Run the cases, with long also the long ones. progress(done, total) is called after each. Plain data for JSON."""
     started = time.perf_counter()
     jobs = [(case, bench) for case in CASES if long or not case.long for bench in benches(devices, case)]
     rows: list[dict[str, object]] = []
@@ -93,7 +93,7 @@ def failure_table(results: dict) -> Table:
 
 
 def _use(row: dict) -> float:
-    """How much of its limit a check uses; a failed one comes first."""
+    """Share of its limit that a check uses; infinite for a failed one."""
     if not row["passed"]:
         return float("inf")
     return row["largest"] / row["limit"] if row["limit"] else 0.0

@@ -16,7 +16,7 @@ from irtscots_cl.tracing.checks.probes import MeetProbe
 RADIUS_MM, DIAMETER_MM = 4166.747, 1064.0
 RAYS = 64  # the reference's factorial sums are slow
 
-# The design's own, and a share of the deviation's largest slope.
+# For the design itself, plus a share of the deviation's largest slope.
 SLOPE_URAD = {"fp32": 0.1, "fp64": 1e-9}
 OF_SLOPE = {"fp32": 1e-5, "fp64": 1e-7}
 REASON = {
@@ -26,7 +26,7 @@ REASON = {
 
 
 def deviated(terms_um: dict[tuple[int, int], float]) -> Mirror:
-    """A sphere with Zernike terms (n, m), coefficients in um, on a disk as large as the mirror."""
+    """A sphere with Zernike terms (n, m), coefficients in um, on a disk of the mirror's size."""
     terms = ZernikeTerms(DIAMETER_MM / 2, "noll", {nm_to_noll(*nm): value for nm, value in terms_um.items()})
     return Mirror(radius_mm=RADIUS_MM, diameter_mm=DIAMETER_MM, zernike=(terms,))
 
