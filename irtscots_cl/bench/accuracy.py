@@ -1,7 +1,7 @@
-"""Speed against error: every way to trace, from few rays to many, measured in every ready-made way.
+"""Speed against error: every kind of trace, from few rays to many, with every measurement method.
 
-Each setting runs with independent seeds, one replicate each. Their scatter is the ray noise; what is left of the error
-beside it is the measure's floor, which noise-free images in closed form give by themselves.
+Each setting runs with independent seeds, one replicate each. Their scatter is the ray noise. The rest of the error is
+the method's floor, which is also the error with noise-free images in closed form.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from irtscots_cl.tracing.trace import trace
 
 SCENE = "sphere-deviated"
 SEEDS = {True: 2, False: 3}  # quick or not
-# Rays per pixel: four decades of each estimator, to what takes some ten seconds on two cores
+# Rays per pixel: four decades for each estimator, up to about ten seconds on two cores
 RAYS = {
     "forward": (1562, 15_625, 156_250, 1_562_500, 15_625_000),
     "adjoint": tuple(16 * 4**k for k in range(8)),
     "smoothed": tuple(4 * 4**k for k in range(8)),
 }
 QUICK_RAYS = {"forward": (2**15, 2**17), "adjoint": (64, 256), "smoothed": (16, 64)}
-MIN_USED = 0.9  # of the pixels on the mirror: with fewer rays the error is that of other pixels
+MIN_USED = 0.9  # of the pixels on the mirror: with fewer pixels, the errors are not comparable
 QUICK_MEASURES = ("paper", "fine")
 
 # The paper's runs of this scene: rays per screen pixel, slope errors x, y in urad and height error in nm (its Table 5).
@@ -46,7 +46,7 @@ PAPER_RAYS_PER_SECOND = 31_250  # 5 s for 156,250 rays (its section 2.3), of eac
 
 @dataclass(frozen=True)
 class Series:
-    """A way to trace, and the rays per pixel that it is tried with. kind: key of RAYS."""
+    """A kind of trace and its numbers of rays per pixel. kind: key of RAYS."""
 
     kind: str
     options: TraceOptions
@@ -59,9 +59,9 @@ class Series:
 
 
 def default_series(device: Device, quick: bool) -> list[Series]:
-    """Estimators x samplers in single precision, and the Sobol points in double precision too.
+    """Estimators x samplers in single precision, and Sobol points also in double precision.
 
-    Refinement, which takes seconds, is measured for the smoothed Sobol points alone.
+    Refinement takes seconds, so it is measured only for the smoothed Sobol points.
     """
     found = []
     for kind in RAYS:
@@ -76,7 +76,7 @@ def default_series(device: Device, quick: bool) -> list[Series]:
 
 
 def run_accuracy(device: Device, quick: bool) -> dict:
-    """The sweep as plain data: points, the series' exponents, floors, the paper's runs, and who is on the front."""
+    """The sweep as plain data: points (marked if on the front), the series' exponents, floors, the paper's runs."""
     scene = load_scene(SCENE)
     points, exponents = _analytic(scene, QUICK_MEASURES if quick else tuple(MEASURES)), []
     floors = [{key: point[key] for key in ("measure", "slope_error_urad", "height_error_nm")} for point in points]
@@ -96,24 +96,24 @@ def run_accuracy(device: Device, quick: bool) -> dict:
 
 
 def paper_runs() -> list[dict]:
-    """The paper's own points."""
+    """The paper's points."""
     return [{"rays_per_pixel": rays, "seconds": 21 * 21 * rays / PAPER_RAYS_PER_SECOND,
              "slope_error_urad": float(np.hypot(x, y) / np.sqrt(2)), "height_error_nm": nm}
             for rays, x, y, nm in PAPER]  # fmt: skip
 
 
 def _analytic(scene: Scene, measures: tuple[str, ...]) -> list[dict]:
-    """The analytic estimator's points: no noise, so each measure's floor."""
+    """The analytic estimator's points: without noise, they are each method's floor."""
     run = trace(scene, estimator=ANALYTIC)
     stack = run.images(LineScan(scene))
     _measured(measures[0], stack, scene)
-    run = trace(scene, estimator=ANALYTIC)  # warm, as all others
+    run = trace(scene, estimator=ANALYTIC)  # warm, like all others
     return [_row(scene, "analytic", run.options, 0, [run.seconds["trace"]], name, [_measured(name, stack, scene)])
             for name in measures]  # fmt: skip
 
 
 def _point(scene: Scene, device: Device, series: Series, rays: int, seeds: int) -> list[dict]:
-    """One setting, a row for each measure."""
+    """One setting: a row for each method."""
     o, runs = series.options, []
     for seed in range(1, 1 + seeds):
         runs.append(trace(scene, device=device, estimator=o.estimator, sampler=o.sampler, precision=o.precision,
@@ -123,7 +123,7 @@ def _point(scene: Scene, device: Device, series: Series, rays: int, seeds: int) 
     for name in series.measures:
         try:
             found = [_measured(name, run.images(LineScan(scene)), scene) for run in runs]
-        except ValueError:  # so few rays that hardly a pixel has light
+        except ValueError:  # too few rays: hardly any pixel has light
             continue
         if min(result.pixels_used / result.on_mirror.sum() for result, _ in found) < MIN_USED:
             continue
@@ -157,7 +157,7 @@ def _spread(seconds) -> dict[str, float]:
 
 
 def _mean(values: list[float]) -> dict[str, float]:
-    """Mean over the seeds and its standard error; NaN from one alone."""
+    """Mean over the seeds and its standard error, NaN for a single seed."""
     error = np.std(values, ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
     return {"value": float(np.mean(values)), "standard_error": float(error)}
 
@@ -171,7 +171,7 @@ def _height(result: Reconstruction) -> np.ndarray:
 
 
 def _noise(results: tuple[Reconstruction, ...], quantity) -> float:
-    """Rms scatter between the seeds, over the pixels that all have; 0 without rays, where there is one result."""
+    """Rms scatter between the seeds, over the pixels that all results have; 0 without rays (a single result)."""
     if len(results) == 1:
         return 0.0
     mask = np.all([r.mask for r in results], axis=0)
@@ -180,7 +180,7 @@ def _noise(results: tuple[Reconstruction, ...], quantity) -> float:
 
 
 def _exponents(series: Series, found: list[list[dict]]) -> list[dict]:
-    """How the noise falls with the rays, by measure: noise ~ rays^exponent over the whole range."""
+    """How the noise falls with the number of rays, for each method: noise ~ rays^exponent over the whole range."""
     rows = [row for of_rays in found for row in of_rays]
     out = []
     for name in series.measures:
@@ -199,7 +199,7 @@ def _exponents(series: Series, found: list[list[dict]]) -> list[dict]:
 
 
 def _rounding(scene: Scene, device: Device) -> float:
-    """Height error in nm that single precision leaves however many rays there are; 0 where it cannot be told."""
+    """Height error in nm of single precision, for any number of rays; 0 if it cannot be determined."""
     options = TraceOptions("adjoint", "sobol", smoothing=True)
     run = trace(scene, device=device, sampler="sobol", smoothing=True, rays_per_pixel=64, replicates=1)
     result = measure_by("paper", run.images(LineScan(scene)), scene.nominal())
@@ -212,7 +212,7 @@ def seconds_of(point: dict) -> float:
 
 
 def mark_front(points: list[dict]) -> list[dict]:
-    """The points, each with "on_front": whether no other is both faster and nearer to the truth in height."""
+    """The points, each with "on_front": whether no other point is both faster and more accurate in height."""
     best, front = np.inf, set()
     for k in sorted(range(len(points)), key=lambda k: (seconds_of(points[k]), points[k]["height_error_nm"]["value"])):
         if points[k]["height_error_nm"]["value"] < best:

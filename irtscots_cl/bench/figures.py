@@ -13,7 +13,7 @@ from irtscots_cl.system.atomic_files import replacing
 
 
 def write_figures(folder: Path, results: dict) -> None:
-    """Write bench.png and, where these were made, bench_scaling.png and bench_accuracy.png into the folder."""
+    """Write bench.png into the folder, and bench_scaling.png and bench_accuracy.png if there are results for them."""
     figures = {"bench.png": rate_figure(results)}
     if "accuracy" in results:
         figures["bench_accuracy.png"] = accuracy_figure(results)
@@ -68,7 +68,7 @@ SAMPLER_MARKERS = {"philox": "o", "sobol": "s", "lattice": "^"}
 
 
 def accuracy_figure(results: dict) -> Figure:
-    """Slope and height error against seconds, both logarithmic; a row of panels for each measure."""
+    """Slope and height error against seconds, both logarithmic; a row of panels for each method."""
     accuracy = results["accuracy"]
     measures = [floor["measure"] for floor in accuracy["floors"]]
     figure = Figure(figsize=(12, 4.6 * len(measures)), layout="constrained")
@@ -88,7 +88,7 @@ def accuracy_figure(results: dict) -> Figure:
 
 
 def _error_panel(axes, accuracy: dict, measure: str, key: str) -> None:
-    """One measure's series, its floor, the paper's runs, and rings around the points on the front."""
+    """One method's series, its floor, the paper's runs, and rings around the points on the front."""
     points = [point for point in accuracy["points"] if point["measure"] == measure]
     for name in dict.fromkeys((p["kind"], p["sampler"], p["precision"]) for p in points):
         mine = [p for p in points if (p["kind"], p["sampler"], p["precision"]) == name]

@@ -10,10 +10,10 @@ import numpy as np
 def fit_exponent(sizes, values: np.ndarray) -> dict[str, float]:
     """Exponent of value ~ size^exponent, by least squares on logarithms, with its standard error.
 
-    sizes: [n], at least two different ones. values: [n, rounds]. The exponent is that of the rounds' medians. Its
-    standard error is the larger of two: from the misfit of the n medians, which needs three of them, and from the
-    scatter of the exponents that single rounds give, which needs two rounds; NaN if neither can be had.
-    Raises ValueError for anything else, or values that have no logarithm.
+    sizes: [n], at least two different ones. values: [n, rounds]. The exponent is fitted to the rounds' medians. Its
+    standard error is the larger of two: from the residuals of the n medians, which needs n >= 3, and from the scatter
+    of the single rounds' exponents, which needs two rounds. It is NaN if neither is possible.
+    Raises ValueError for other shapes, or for values without a logarithm.
     """
     sizes, values = np.asarray(sizes, float), np.asarray(values, float)
     if len(set(sizes)) < 2 or values.shape[:1] != sizes.shape or values.ndim != 2:

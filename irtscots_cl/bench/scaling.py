@@ -1,8 +1,8 @@
 """How the wall time of a trace grows: with rays, screen pixels, detector pixels and cores; forward, the sphere.
 
-A sweep changes one thing and keeps all else. Its points run in turn, round after round, each after a warm-up. Three
-times are told apart: of the kernels, of tracing (first launch to last result on the host), and of the whole call of
-`trace` with calibration and buffers, its kernels already compiled. Each gets a power law, time ~ size^exponent.
+A sweep changes one quantity and keeps the others. Its points run in turn, round after round, each after a warm-up.
+Three times are measured: of the kernels, of tracing (first launch to last result on the host), and of the whole call of
+`trace` with chief rays and buffers but compiled kernels. A power law, time ~ size^exponent, is fitted to each.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ ROUNDS = {True: 1, False: 3}  # quick or not
 RAYS = {True: (1e5, 1e6, 1e7), False: (1e6, 1e7, 1e8, 1e9, 1e10)}  # of the sweep over rays
 RAYS_OF_A_POINT = {True: 1e7, False: 3e8}  # of every other sweep
 SCREEN = {True: (21, 42), False: (21, 42, 84, 168)}  # pixels along each axis, on the same area
-DETECTOR = {True: (63, 125), False: (63, 125, 250, 500)}  # the same, in the same field
+DETECTOR = {True: (63, 125), False: (63, 125, 250, 500)}  # pixels along each axis, in the same field
 
 
 @dataclass(frozen=True)
 class Point:
-    """One size of a sweep: what to trace. Rays count per screen pixel. cores: of a preset scene; None: all, in this
-    process."""
+    """One size of a sweep: the scene to trace and its rays per screen pixel. cores: number of cores, for a preset
+    scene; None: all, in this process."""
 
     size: int
     scene: Scene
@@ -42,7 +42,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Sweep:
-    """name: what grows; unit: what a size counts; fixed: what stays the same; how: by what means the size was set."""
+    """name: the quantity that grows; unit: of a size; fixed: the constant quantities; how: the size was set."""
 
     name: str
     unit: str
@@ -52,7 +52,7 @@ class Sweep:
 
 
 def default_sweeps(device: Device, quick: bool) -> list[Sweep]:
-    """What `irtscots bench --scaling` times; with quick, a tiny version of it."""
+    """The sweeps of `irtscots bench --scaling`; with quick, tiny ones."""
     sphere, total = load_scene("sphere"), RAYS_OF_A_POINT[quick]
     pixels = math.prod(sphere.screen.pixels)
     counts = [round(rays / pixels) for rays in RAYS[quick]]
@@ -85,20 +85,20 @@ def _with_detector(scene: Scene, n: int) -> Scene:
 
 
 def _core_counts(device: Device) -> list[int]:
-    """1, 2, 4, ... and all compute units of a CPU; 1 of another device, to be told that it cannot be had."""
+    """1, 2, 4, ... and all compute units of a CPU; 1 for another device, where time_on_cores says why it fails."""
     most = device.cl_device.max_compute_units if device.kind == "cpu" else 1
     return [2**k for k in range(most.bit_length()) if 2**k < most] + [most]
 
 
 def time_point(point: Point, device: Device) -> dict[str, float]:
-    """One warm timing of a point, on as many cores as it says."""
+    """One warm timing of a point, on its number of cores."""
     if point.cores is None:
         return time_warm(point.scene, device, point.rays_per_pixel)
     return time_on_cores(point.scene.name, device, point.rays_per_pixel, point.cores)
 
 
 def run_sweep(sweep: Sweep, device: Device, rounds: int, timer: Callable[[Point, Device], dict] = time_point) -> dict:
-    """A sweep as plain data. A point that the device cannot do is told with its reason and takes no part in the fit."""
+    """A sweep as plain data. A point that the device cannot run is listed with the reason and left out of the fit."""
     found: list[list[dict]] = [[] for _ in sweep.points]
     skipped: dict[int, str] = {}
     for _ in range(rounds):

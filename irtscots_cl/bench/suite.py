@@ -1,4 +1,4 @@
-"""The benchmark as a whole: all that is asked for as plain data, with what it was taken on."""
+"""The whole benchmark: the requested measurements as plain data, with the conditions of measurement."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from irtscots_cl.system.versions import versions
 
 def run_bench(device: Device, quick: bool = False, scaling: bool = False, accuracy: bool = False) -> dict:
     """Contents of bench.json: rates; with `scaling` or `quick` wall times under the key "scaling" (quick: tiny sweeps);
-    with `accuracy` speed against error under the key "accuracy". Raises DeviceError if the device cannot do it.
+    with `accuracy` speed against error under the key "accuracy". Raises DeviceError if the device cannot run it.
     """
     started = time.perf_counter()
     facts = conditions(device) | {"quick": quick} | run_throughput(device, quick)
@@ -30,7 +30,7 @@ def run_bench(device: Device, quick: bool = False, scaling: bool = False, accura
 
 
 def conditions(device: Device) -> dict:
-    """What a measurement is taken on: device, driver, machine, load before it begins, versions, revision."""
+    """The conditions of a measurement: device, driver, machine, load before it begins, versions, revision."""
     return {
         "device": device.describe(),
         "machine": platform.processor() or platform.machine(),
@@ -42,7 +42,7 @@ def conditions(device: Device) -> dict:
 
 
 def peak_memory_mib() -> float | None:
-    """The most memory that this process ever had, in MiB; None where the system does not tell."""
+    """Peak memory of this process in MiB; None if the system does not report it."""
     try:
         import resource
     except ImportError:  # Windows

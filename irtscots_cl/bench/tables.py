@@ -58,7 +58,7 @@ def _time_text(seconds: dict[str, float]) -> str:
 
 
 def _accuracy_tables(accuracy: dict) -> list[Table]:
-    """All points, those on the front, how noise falls, floors, the paper's runs."""
+    """All points, the points on the front, the noise exponents, the floors, and the paper's runs."""
     front = sorted((p for p in accuracy["points"] if p["on_front"]), key=seconds_of)
     head = ("kind", "sampler", "precision", "measure", "rays per pixel", "tracing [s]", "measuring [s]",
             "slope error [urad]", "height error [nm]", "on the front")  # fmt: skip

@@ -1,7 +1,7 @@
-"""Throughput of the tracer: rays per second by scene, estimator, sampler and precision, beside the machine's limits.
+"""Throughput of the tracer: rays per second by scene, estimator, sampler and precision, and the machine's limits.
 
-Timings come from the OpenCL events of the kernels. Every case runs in turn, round after round, so that a change of the
-machine's speed touches all cases alike; the median over the rounds and their extremes are reported.
+Timings come from the OpenCL events of the kernels. All cases run in turn, round after round, so that a change of the
+machine's speed affects all cases equally. The median over the rounds and their extremes are reported.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FMA_STEPS = 20_000
 
 @dataclass(frozen=True)
 class Case:
-    """One thing to time. group: heading that it is listed under. width: rays side by side, None: the device's own."""
+    """One case to time. group: its heading in the tables. width: rays side by side; None: the device's own width."""
 
     group: str
     name: str
@@ -50,7 +50,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Timing:
-    """Rays per second of a case: of the warm-up, and over the rounds of that many rays each."""
+    """Rays per second of a case: in the warm-up, and in the rounds, with their number of rays."""
 
     case: Case
     width: int
@@ -64,7 +64,7 @@ class Timing:
 
 
 def default_cases(device: Device, quick: bool) -> list[Case]:
-    """What `irtscots bench` times: scenes, samplers and precisions, single features, widths, and the parts left out."""
+    """The cases of `irtscots bench`: scenes, samplers, precisions, single features, widths, and omitted steps."""
     sphere = load_scene("sphere")
     scenes = [sphere] if quick else [load_scene(name) for name in ("sphere", "sphere-deviated", "off-axis")]
     cases = _scene_cases("scenes and samplers", scenes, tuple(SAMPLERS), "fp32")
@@ -78,7 +78,7 @@ def default_cases(device: Device, quick: bool) -> list[Case]:
     cases.append(Case("one feature alone, forward", "sums by atomics", sphere, accumulate="atomic"))
     cases += [Case("any order of elements, forward", name, load_scene(name), NONSEQUENTIAL)
               for name in (("sphere",) if quick else PATH_SCENES)]  # fmt: skip
-    if device.kind == "cpu":  # elsewhere work-items are the lanes
+    if device.kind == "cpu":  # on other devices, work-items are the lanes
         cases += [Case("rays side by side, forward", f"plain sphere, {n}", sphere, width=n) for n in WIDTHS]
     return cases + [
         Case("limit", f"sphere, {estimator}, philox, no accumulation", sphere, estimator, accumulate="none")
@@ -96,7 +96,7 @@ def _scene_cases(group: str, scenes: list[Scene], samplers: tuple[str, ...], pre
 
 
 def _features(sphere: Scene) -> dict[str, Scene]:
-    """The plain sphere, and the sphere with one thing more."""
+    """The plain sphere, and the sphere with one additional feature."""
 
     def with_mirror(**changes) -> Scene:
         return dataclasses.replace(sphere, mirror=dataclasses.replace(sphere.mirror, **changes))
@@ -116,7 +116,7 @@ def _features(sphere: Scene) -> dict[str, Scene]:
 
 
 def time_cases(cases: list[Case], device: Device, quick: bool) -> list[Timing]:
-    """Build and warm up all cases, then time them in turn. Raises as Tracer and its options do."""
+    """Build and warm up all cases, then time them in turn. Raises the errors of Tracer and its options."""
     tracers = [_tracer(case, device) for case in cases]
     warm = [tracer.throughput(WARM_UP_RAYS) for tracer in tracers]
     rays = [int(rate * SECONDS[quick]) for rate in warm]
@@ -138,7 +138,7 @@ def _tracer(case: Case, device: Device) -> Tracer | PathTracer:
 
 
 def multiply_add_rate(device: Device) -> float:
-    """Single-precision multiply-adds per second of the whole device, by a kernel that does nothing else."""
+    """Single-precision multiply-adds per second of the whole device, measured by a kernel that does nothing else."""
     work = Workspace(device, compose("multiply_add.cl", {}, {}, "fp32", device.vector_width("fp32")), "multiply_add")
     items = 4096 if device.kind != "cpu" else 16 * device.cl_device.max_compute_units
     result = work.empty(4 * items)

@@ -1,8 +1,8 @@
-"""Wall time of one forward trace: in this process, or in one whose OpenCL driver is told to use fewer cores.
+"""Wall time of one forward trace: in this process, or in one whose OpenCL driver is limited to fewer cores.
 
-OpenCL's own way to fewer cores is the sub-device, but PoCL 3.0 runs a sub-device of one compute unit on all cores
-(measured: the same rate). Drivers for CPUs read a limit from the environment when they load, so each such timing has
-a process of its own; it counts only if the device there says that it has that many compute units.
+In OpenCL a sub-device should use fewer cores, but PoCL 3.0 runs a sub-device of one compute unit on all cores
+(measured: the same rate). CPU drivers read a limit from the environment when they load, so each such timing needs its
+own process. It counts only if the device there reports that number of compute units.
 """
 
 from __future__ import annotations
@@ -21,14 +21,13 @@ from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.trace import trace
 
 TIMES = ("kernel_seconds", "trace_seconds", "total_seconds")
-LIMITS = ("POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT")  # PoCL since 4, before
+LIMITS = ("POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT")  # since PoCL 4, and before
 
 
 def time_trace(scene: Scene, device: Device, rays_per_pixel: int) -> dict[str, float]:
-    """Seconds of one forward trace by TIMES, and the "rays" that it launched. Raises as `trace` does.
+    """Seconds of one forward trace for each of TIMES, and the number of "rays" launched. Raises the errors of `trace`.
 
-    rays_per_pixel: per screen pixel. The total is of a call whose kernels are compiled and whose calibration is not
-    yet done.
+    rays_per_pixel: per screen pixel. The total is for a call with compiled kernels but without computed chief rays.
     """
     chief_rays.cache_clear()
     started = time.perf_counter()
@@ -43,15 +42,15 @@ def time_trace(scene: Scene, device: Device, rays_per_pixel: int) -> dict[str, f
 
 
 def time_warm(scene: Scene, device: Device, rays_per_pixel: int) -> dict[str, float]:
-    """time_trace after a warm-up: at most a work-item's rays per pixel, which is enough to get the same kernel."""
+    """time_trace after a warm-up with at most a work-item's rays per pixel, which is enough to use the same kernel."""
     time_trace(scene, device, min(rays_per_pixel, MAX_RAYS_PER_ITEM))
     return time_trace(scene, device, rays_per_pixel)
 
 
 def time_on_cores(preset: str, device: Device, rays_per_pixel: int, cores: int) -> dict[str, float]:
-    """time_warm of a preset scene, in a process whose driver uses that many cores.
+    """time_warm of a preset scene, in a process whose driver uses `cores` cores.
 
-    Raises DeviceError if the driver cannot be limited so, or if the process fails.
+    Raises DeviceError if the driver cannot be limited, or if the process fails.
     """
     if device.kind != "cpu":
         raise DeviceError(f"{device.name}: only drivers for CPUs can be told to use fewer cores")
@@ -62,12 +61,12 @@ def time_on_cores(preset: str, device: Device, rays_per_pixel: int, cores: int) 
     )  # fmt: skip
     if done.returncode != 0:
         raise DeviceError((done.stderr.strip() or f"the process ended with {done.returncode}").splitlines()[-1])
-    return json.loads(done.stdout.splitlines()[-1])  # a driver may have said something before
+    return json.loads(done.stdout.splitlines()[-1])  # a driver may have printed something before
 
 
 def _serve(job: dict) -> dict:
-    """What the other process does."""
-    if hasattr(os, "sched_setaffinity"):  # Intel's driver has a compute unit for each core that the process may use
+    """The work of the other process: one timing as `job` describes it."""
+    if hasattr(os, "sched_setaffinity"):  # Intel's driver has one compute unit for each core that the process may use
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: job["cores"]])
     device = select_device(job["device"])
     units = device.cl_device.max_compute_units
