@@ -1,8 +1,8 @@
 """The command line: `irtscots COMMAND`.
 
-Exit codes: 0 done, 1 a bug, 2 bad input, 3 no usable device, 4 to be resumed.
+Exit codes: 0 done, 1 a bug, 2 bad input, 3 no usable device, 4 stopped and can be resumed.
 
-Each command has its file here; it imports what it needs when it runs, so that help and refusals come at once.
+Each command has its own file here. It imports modules only when it runs, so that help and errors appear immediately.
 """
 
 from __future__ import annotations
@@ -21,35 +21,35 @@ COMMANDS = (run, scenes, devices, kernel, paths, reconstruct, reproduce, bench, 
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; returns the exit code. Every expected failure is one line on stderr."""
+    """Run one command and return the exit code. Every expected failure prints one line on stderr."""
     options = _parser().parse_args(arguments)
     try:
         with warnings.catch_warnings():
-            # drivers comment on kernels that they did build: nothing that a user could act on
+            # drivers print comments on kernels that they did build, which do not help a user
             warnings.filterwarnings("ignore", "Non-empty compiler output|.*non-empty logs")
             code = options.command(options)
             sys.stdout.flush()
             return code
-    except BrokenPipeError:  # whoever read the output has seen enough, as `head` does
+    except BrokenPipeError:  # the reader, such as `head`, has closed the output
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (SceneError, ValueError, OSError) as error:
         return fail(error, EXIT_BAD_INPUT)
-    except MemoryError as error:  # of the host; Python's own says nothing
+    except MemoryError as error:  # of the host; Python's own message is empty
         return fail(f"too little memory on the host: {error}".removesuffix(": "), EXIT_NO_DEVICE)
     except StoppedError as stopped:
         return fail(stopped, EXIT_STOPPED)
     except KeyboardInterrupt:
         return fail("interrupted; nothing was written", EXIT_INTERRUPTED)
     except RuntimeError as error:
-        if type(error).__name__ != "DeviceError":  # its class lives behind the slow import of pyopencl
+        if type(error).__name__ != "DeviceError":  # compared by name: its class needs the slow import of pyopencl
             raise
         return fail(error, EXIT_NO_DEVICE)
 
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        """One line, as every other refusal: no usage above it."""
+        """Print one line, like every other error, without the usage text."""
         self.exit(EXIT_BAD_INPUT, f"irtscots: {message}; see {self.prog} --help\n")
 
 

@@ -1,4 +1,4 @@
-"""What the commands share: their parsers' common arguments, and how they print."""
+"""Shared by the commands: common arguments of their parsers, and printing."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ DASK_HELP = (
 )
 EXIT_BAD_INPUT = 2
 EXIT_NO_DEVICE = 3
-EXIT_STOPPED = 4  # and can be gone on with
+EXIT_STOPPED = 4  # and can be resumed
 EXIT_INTERRUPTED = 130  # as a shell reports Ctrl-C
 
 
 class StoppedError(Exception):
-    """A command ended early, and --resume goes on with it; the message is one line."""
+    """A command ended early and can be continued by --resume; the message is one line."""
 
 
 def fail(message: object, code: int) -> int:
@@ -48,7 +48,7 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 
 
 def visible_scene(name_or_path: str) -> Scene:
-    """A scene that can be traced; refused under the name that the user gave it."""
+    """The scene of a name or path, checked to be traceable. Raises SceneError; its message uses the given name."""
     scene = load_scene(name_or_path)
     from irtscots_cl.optics.chief_rays import check_visible, chief_rays
 
@@ -60,7 +60,7 @@ DEFAULTS = {"estimator": "adjoint", "sampler": "philox", "precision": "fp32", "s
 
 
 def choices(options: argparse.Namespace, names: Iterable[str]) -> dict[str, object]:
-    """Those of the options that the user chose, by name; the parsers leave the others None."""
+    """The options that the user set, by name; the parsers leave the others None."""
     given = {name: getattr(options, name, None) for name in names}
     return {name: value for name, value in given.items() if value is not None}
 
@@ -93,7 +93,7 @@ def add_trace_choices(parser: argparse.ArgumentParser, device_help: str = DEVICE
 
 @contextmanager
 def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
-    """device= or client= of `trace`, as --device and --dask say."""
+    """The argument device= or client= of `trace`, from --device and --dask."""
     from irtscots_cl.execution.dask.cluster import DaskExecutor, connect
     from irtscots_cl.opencl.device import select_devices
 
@@ -102,7 +102,7 @@ def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
         return
     if options.device is not None:
         raise ValueError("--device: must be left out with --dask: IRTSCOTS_DEVICE of each worker names its device")
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what the user can act on is said by us, in one line
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # this program prints what the user needs, in one line
     with connect(options.dask) as client:
         yield {"client": DaskExecutor(client)}
 
@@ -121,9 +121,9 @@ def print_tables(tables) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    # Not a terminal: no wrapping to its guess of 80 columns. No markup: it would take [nm] for a style.
+    # Without a terminal, do not wrap to a default of 80 columns. No markup: it would read [nm] as a style.
     class Terminal(Console):
-        def on_broken_pipe(self) -> None:  # the reader has seen enough: main ends the command well
+        def on_broken_pipe(self) -> None:  # the reader has closed the output: main ends the command without an error
             raise BrokenPipeError
 
     console = Terminal(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False, highlight=False)

@@ -1,4 +1,4 @@
-"""Long commands: one process for each folder, and what Ctrl-C, SIGTERM or a limit of time leaves to go on from."""
+"""Long commands: one process per folder, and checkpoints after Ctrl-C, SIGTERM or a time limit."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def add_resume(parser: argparse.ArgumentParser) -> None:
 
 @contextmanager
 def keeping(folder: Path, name: str, resume: bool, *, many: bool = False, max_seconds: float = math.inf) -> Iterator:
-    """The checkpoint.Keeper of a command's traces, in folder / name, and the folder for this process alone.
+    """The Checkpoints of a command's traces, in folder / name. It locks the folder for this process.
 
-    Interrupted where something can be gone on with, it raises StoppedError. A folder that was made does not stay empty.
+    Raises StoppedError if the command is interrupted and can be resumed. A folder created here is removed if empty.
     """
     from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
 
@@ -57,14 +57,14 @@ def keeping(folder: Path, name: str, resume: bool, *, many: bool = False, max_se
 
 @contextmanager
 def _signals(keeper) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end a trace after its launch, with its sums saved; twice, or elsewhere, at once."""
+    """Ctrl-C and SIGTERM end a trace after its launch and save its sums; a second signal ends it immediately."""
 
     def end(*_) -> None:
         if not keeper.tracing or keeper.stop:
             raise KeyboardInterrupt
         keeper.stop = True
 
-    if threading.current_thread() is not threading.main_thread():  # Python lets no other have handlers
+    if threading.current_thread() is not threading.main_thread():  # Python allows handlers in the main thread only
         yield
         return
     before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -77,7 +77,7 @@ def _signals(keeper) -> Iterator[None]:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """The folder for this process; ValueError if another has it. The system takes the lock from a process that dies."""
+    """Lock the folder for this process; ValueError if another holds it. The system releases locks of dead processes."""
     try:
         import fcntl
     except ImportError:  # not on Windows
@@ -90,7 +90,7 @@ def _locked(folder: Path) -> Iterator[None]:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise ValueError(f"--out = {str(folder)!r}: in use by another process; must be another") from None
-            if not _is_at(file.fileno(), path):  # the one who had it has just removed it
+            if not _is_at(file.fileno(), path):  # the previous owner has just removed it
                 continue
             try:
                 yield

@@ -1,4 +1,4 @@
-"""How far a command is, on stderr: a bar on a terminal, else a line every ten seconds, nothing with --quiet."""
+"""Progress of a command on stderr: a bar on a terminal, else a line every ten seconds; nothing with --quiet."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 LINE_SECONDS = 10.0  # between two lines
 FIRST_ESTIMATE_SECONDS = 60.0  # a first estimate of the error takes about a second
-COST_SHARE = 50  # the time between two estimates is so many times that of one: 2 %
+COST_SHARE = 50  # time between two estimates, in times of one estimate: 2 % cost
 
 
 def add_quiet(parser: argparse.ArgumentParser) -> None:
@@ -17,8 +17,8 @@ def add_quiet(parser: argparse.ArgumentParser) -> None:
 
 
 class Progress:
-    """Called with (done, total) now and then; `with` draws it. unit: of both. estimate(result): what is known of the
-    error of a trace so far, in words; it is asked as `finished` gets the traces of whole replicates, but seldom."""
+    """Call it with (done, total); `with` draws it. unit: of both. estimate(result): text with the estimated error of a
+    trace so far. It is called rarely, when `finished` gets the trace of whole replicates."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class Progress:
             print(f"{self._doing}: {done / total:.0%}, {self._facts(done, total, now)}", file=sys.stderr, flush=True)
 
     def finished(self, result: object) -> None:
-        """The trace so far, of whole replicates: what trace(finished=...) is given."""
+        """Take the trace so far, of whole replicates; pass it as trace(finished=...)."""
         now = time.monotonic()
         if self._quiet or self._estimate is None or now - self._estimated < self._next_estimate:
             return

@@ -24,7 +24,7 @@ from irtscots_cl.cli.common import (
 from irtscots_cl.cli.keeping import add_resume, keeping
 from irtscots_cl.cli.progress import Progress, add_quiet
 
-# Defaults of what a target chooses itself.
+# Defaults of the options that a target sets itself.
 RAYS = {"rays_per_pixel": 16384, "replicates": 8, "aim": "mirror", "overfill": 1.0}
 
 
@@ -120,7 +120,7 @@ def _execute(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace, wanted: dict) -> None:
-    """Refuse options that are out of range or do not go together, with a ValueError."""
+    """Raise ValueError for options that are out of range or do not fit together."""
     from irtscots_cl.execution.launch_plan import share_rays
     from irtscots_cl.measurement.methods import check_measure
     from irtscots_cl.tracing.options import TraceOptions
@@ -147,7 +147,7 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
 
 
 def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
-    """Refuse, with a ValueError, what the estimator does not see, before anything slow."""
+    """Raise ValueError if the estimator cannot trace the scene, before any slow step."""
     if scene.is_sequential:
         return
     from irtscots_cl.tracing.options import NONSEQUENTIAL, check_sequential
@@ -160,7 +160,7 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
 
 
 def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
-    """Run as the options say."""
+    """Run the simulation with the given options."""
     from irtscots_cl.pipeline.simulate import outlook, simulate
     from irtscots_cl.tracing.checks.precision import check_precision_of_scene, check_precision_on
     from irtscots_cl.tracing.options import ANALYTIC
@@ -179,7 +179,7 @@ def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
 
 
 def _reach(scene, options: argparse.Namespace, given: dict):
-    """Run what reaches the target."""
+    """Run until the target is reached."""
     from irtscots_cl.opencl.device import select_device
     from irtscots_cl.pipeline.target import run_to_target
 

@@ -57,4 +57,4 @@ def _devices(choice: str | None) -> list:
         except DeviceError:
             continue
         usable.append(device)
-    return usable or [select_device(None)]  # which says what to do where there is none
+    return usable or [select_device(None)]  # its error says what to do if there is no device
