@@ -1,4 +1,4 @@
-"""OpenCL devices: their selection, and how the failures of their drivers are told."""
+"""OpenCL devices: their selection, and errors of their drivers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HINT = "install one: pip install 'pyopencl[pocl]' (CPU, Linux x86-64), or your G
 
 
 class DeviceError(RuntimeError):
-    """No usable OpenCL device, or one that fails; the message is one line."""
+    """There is no usable OpenCL device, or it fails. The message is one line."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Device:
 
     @property
     def label(self) -> str:
-        """How messages name it."""
+        """The device's name in messages."""
         return f"device {self.index} {self.name}"
 
     @property
@@ -71,8 +71,8 @@ class Device:
     def vector_width(self, precision: str) -> int:
         """Rays side by side in a work-item: 8 or 16 on CPUs, one or two registers' worth; 1 elsewhere.
 
-        PoCL reports the widest registers of the processor even where its compiler does not use them: LLVM 14 compiles
-        for every AMD processor with AVX-512 as for the ones before, with AVX2. The target's name is in the version.
+        PoCL reports the widest registers of the processor even if its compiler does not use them. LLVM 14 compiles for
+        every AMD processor with AVX-512 as for earlier ones, with AVX2. The version contains the target's name.
         """
         if self.kind != "cpu":
             return 1
@@ -97,8 +97,8 @@ class Device:
 
 @contextmanager
 def driver_errors(device: Device, doing: str = "") -> Iterator[None]:
-    """What the driver reports inside becomes a DeviceError of one line. doing: what failed, for the message."""
-    label = device.label  # now: a device that is lost may not tell its name
+    """Turn a driver's errors in the block into a DeviceError of one line. doing: the action, for the message."""
+    label = device.label  # read now: a lost device may not report its name
     try:
         yield
     except cl.Error as error:
@@ -111,7 +111,7 @@ def first_line(error: cl.Error) -> str:
 
 @lru_cache
 def all_devices() -> tuple[Device, ...]:
-    """Every OpenCL device of every platform, in the drivers' order; looked up once per process."""
+    """Every OpenCL device of every platform, in the drivers' order; listed once per process."""
     try:
         platforms = cl.get_platforms()
     except cl.Error:
@@ -126,10 +126,10 @@ def all_devices() -> tuple[Device, ...]:
 
 
 def select_device(choice: str | None = None) -> Device:
-    """A device by index ("0:0"), kind ("gpu", "cpu") or part of its or its platform's name, in any case of letters.
+    """A device by index ("0:0"), kind ("gpu", "cpu") or part of its or its platform's name, ignoring case.
 
-    None takes the environment variable IRTSCOTS_DEVICE or, if that is not set, the best found: a GPU before a CPU,
-    more compute units before fewer. "pocl" names the embedded device. Raises DeviceError if nothing fits.
+    None uses the environment variable IRTSCOTS_DEVICE or, if that is not set, the best device: a GPU before a CPU,
+    more compute units before fewer. "pocl" is the embedded device. Raises DeviceError if no device matches.
     """
     devices = all_devices()
     if not devices:
@@ -151,12 +151,13 @@ def select_device(choice: str | None = None) -> Device:
 def select_devices(choice: str | None = None) -> tuple[Device, ...]:
     """All usable devices for "all", one for each choice of a list with commas, or the one that select_device takes.
 
-    Every one comes once. None takes the environment variable IRTSCOTS_DEVICE. Raises as select_device does.
+    Each device is listed once. None uses the environment variable IRTSCOTS_DEVICE. Raises the DeviceError of
+    select_device.
     """
     wanted = choice if choice is not None else os.environ.get(ENVIRONMENT)
     if wanted is not None and wanted.strip().lower() == ALL:
         usable = tuple(d for d in all_devices() if _is_usable(d))
-        return usable or (select_device(None),)  # which says what to do about it
+        return usable or (select_device(None),)  # its error says what to do
     if wanted is None or "," not in wanted:
         return (select_device(choice),)
     chosen = [select_device(part) for part in wanted.split(",")]
@@ -164,9 +165,9 @@ def select_devices(choice: str | None = None) -> tuple[Device, ...]:
 
 
 def describe_together(facts: list[dict[str, object]]) -> dict[str, object]:
-    """Device.describe() of one; of many, the same keys for all of them together.
+    """Device.describe() of one device; for several, the same keys for all of them together.
 
-    compute_units: of all. devices: the facts of each, which may be together too.
+    compute_units: the total. devices: the facts of each, which may themselves be combined.
     """
     if len(facts) == 1:
         return facts[0]
@@ -182,7 +183,7 @@ def describe_together(facts: list[dict[str, object]]) -> dict[str, object]:
 def _is_usable(device: Device) -> bool:
     try:
         return bool(device.cl_device.endian_little and device.cl_device.available)
-    except cl.Error:  # it was there when the devices were listed
+    except cl.Error:  # the device was lost after the devices were listed
         return False
 
 
@@ -199,6 +200,6 @@ def _matches(device: Device, choice: str) -> bool:
 
 
 def merge_descriptions(several: list[dict]) -> dict:
-    """Of many, each key with the one value that all have, or all the different values as text."""
+    """Several descriptions as one: each key with the common value, or with all different values as text."""
     values = {key: sorted({str(each[key]) for each in several}) for key in several[0]}
     return {key: several[0][key] if len(found) == 1 else " + ".join(found) for key, found in values.items()}

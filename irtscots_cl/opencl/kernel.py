@@ -1,4 +1,4 @@
-"""Buffers and launches on a device: the few OpenCL calls that the tracer needs, so that it never imports pyopencl."""
+"""Buffers and launches on a device: all OpenCL calls of the tracer, so that it does not import pyopencl."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _TOO_LITTLE_MEMORY = (
     cl.status_code.OUT_OF_RESOURCES,
     cl.status_code.OUT_OF_HOST_MEMORY,
 )
-MIN_LAUNCH_ITEMS = 64  # with fewer nothing runs side by side: what a device refuses then is not the launch's size
+MIN_LAUNCH_ITEMS = 64  # smaller launches do not run in parallel: an error is then not caused by the launch's size
 
 
 @dataclass(frozen=True)
 class LocalMemory:
-    """A kernel argument in local memory, of that many bytes per work-group."""
+    """A kernel argument in local memory, with its number of bytes per work-group."""
 
     nbytes: int
 
@@ -35,17 +35,17 @@ class _Buffer(cl.Buffer):
 class Workspace:
     """One built kernel on one device with its buffers, by argument name.
 
-    Buffers live as long as the workspace. Errors of the driver become DeviceError of one line; so does a device that
-    fails the self-test, before anything else is done with it.
+    Buffers live as long as the workspace. Errors of the driver become a DeviceError of one line. The constructor first
+    runs the device's self-test and raises DeviceError if it fails.
     """
 
     def __init__(self, device: Device, source: Source, kernel: str):
         check_device(device, source.precision)
         self.device = device
         self._buffers: weakref.WeakSet[_Buffer] = weakref.WeakSet()
-        self._most_items = math.inf  # in a launch, until a driver refuses one for lack of memory
+        self._most_items = math.inf  # in a launch, until a driver rejects one for lack of memory
         program = build(device, source)
-        with driver_errors(device):  # all that is asked of the device comes here: one that is lost may not answer
+        with driver_errors(device):  # all device queries are here: a lost device may not answer
             self._kernel = cl.Kernel(program, kernel)
             self._group = (1, 1) if device.kind == "cpu" else None
             self._memory_bytes = device.cl_device.global_mem_size
@@ -56,7 +56,7 @@ class Workspace:
         return self._allocate(array.nbytes, cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR, array)
 
     def empty(self, nbytes: int) -> cl.Buffer:
-        """Device memory that kernels read and write, not yet set."""
+        """Uninitialised device memory that kernels read and write."""
         return self._allocate(nbytes, cl.mem_flags.READ_WRITE)
 
     def clear(self, buffer: cl.Buffer) -> None:
@@ -65,17 +65,18 @@ class Workspace:
             cl.enqueue_fill_buffer(self.device.queue, buffer, np.uint8(0), 0, buffer.size)
 
     def download(self, buffer: cl.Buffer, out: np.ndarray) -> np.ndarray:
-        """Copy a buffer into the array (same number of bytes) and return it; waits for all launches before."""
+        """Copy a buffer into the array (same number of bytes) and return it; waits for all earlier launches."""
         with driver_errors(self.device):
             cl.enqueue_copy(self.device.queue, out, buffer)
         return out
 
     def launch(self, grid: tuple[int, int], arguments: list) -> float:
-        """Run the kernel over the grid, one work-item per work-group on CPUs; returns the kernel's seconds.
+        """Run the kernel over the grid, one work-item per work-group on CPUs. Returns the kernel's seconds.
 
-        A launch that the driver refuses for lack of memory is cut into halves, down to MIN_LAUNCH_ITEMS work-items, and
-        later ones are no larger than what went through. A kernel knows its work-items by get_global_id alone, so the
-        result is the same. A launch that fails when it has begun is not repeated: it may have added to its sums.
+        A launch that the driver rejects for lack of memory is halved, down to MIN_LAUNCH_ITEMS work-items; later
+        launches are no larger than the size that succeeded. A kernel identifies its work-items only by get_global_id,
+        so the result is the same. A launch that fails after it has begun is not repeated, because it may have added to
+        its sums.
         """
         passed = [cl.LocalMemory(a.nbytes) if isinstance(a, LocalMemory) else a for a in arguments]
         seconds, waiting = 0.0, [((0, 0), grid)]
@@ -91,7 +92,7 @@ class Workspace:
         return seconds
 
     def _begin(self, offset: tuple[int, int], part: tuple[int, int], arguments: list) -> cl.Event | None:
-        """Start a part of a launch; None if the driver has too little memory for so many work-items."""
+        """Start a part of a launch; None if the driver has too little memory for its work-items."""
         with driver_errors(self.device, f"a launch of {part[0]} x {part[1]} work-items beside {self._held()}"):
             try:
                 return self._kernel(self.device.queue, part, self._group, *arguments, global_offset=offset)
@@ -102,7 +103,7 @@ class Workspace:
                 return None
 
     def _allocate(self, nbytes: int, flags: int, array: np.ndarray | None = None) -> cl.Buffer:
-        """A buffer. Raises DeviceError, which tells what was wanted and what the device has, if it does not fit."""
+        """A buffer. Raises DeviceError, with the requested and the available memory, if it does not fit."""
         failed = f"too little memory: {nbytes} bytes wanted beside {self._held()}"
         if nbytes > self._buffer_bytes or nbytes + self._held_bytes() > self._memory_bytes:
             raise DeviceError(f"{self.device.label}: {failed}")
@@ -121,7 +122,7 @@ class Workspace:
 
 
 def _halves(offset: tuple[int, int], part: tuple[int, int]) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """The part of a grid as two, (offset, size) each, across its longer side; the one to be taken first is last."""
+    """Both halves, (offset, size) each, of a part of a grid, cut across its longer side; the first half is last."""
     axis = int(part[1] > part[0])
     first = part[axis] // 2
     sizes, offsets = [list(part), list(part)], [list(offset), list(offset)]

@@ -1,8 +1,8 @@
-"""From kernel files to a built program: which files a scene needs, one source text, one build.
+"""From kernel files to a built program: the files that a scene needs, one source text, one build.
 
-A kernel file includes others with #include "name.cl". A name with a star, such as "surface_*.cl", stands for a choice:
-the host picks the one file of that family that the scene, the sampler or the device needs. Every file comes in once,
-with #line before it, so that a compiler's message names the right file and line.
+A kernel file includes others with #include "name.cl". A name with a star, such as "surface_*.cl", is a choice: the
+host selects the one file of that family that the scene, the sampler or the device needs. Every file is included once,
+after a #line directive, so that compiler messages name the right file and line.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _INCLUDE = re.compile(r'^#include "([a-z0-9_]+(?:_\*)?\.cl)"\s*$')
 
 
 def kernels_folder() -> Path:
-    """The folder of the kernel files: inside the installed package, or beside it in a source tree."""
+    """The folder of the kernel files: inside the installed package, or next to it in a source tree."""
     package = Path(str(files("irtscots_cl")))
     for folder in (package / "kernels", package.parent / "kernels"):
         if folder.is_dir():
@@ -33,13 +33,13 @@ def kernels_folder() -> Path:
 
 
 def kernel_files(folder: Path | None = None) -> dict[str, Path]:
-    """The kernel files by name: names are unique over the subfolders, so that an #include needs no path."""
+    """The kernel files by name. Names are unique over all subfolders, so that an #include needs no path."""
     return {path.name: path for path in sorted((folder or kernels_folder()).rglob("*.cl"))}
 
 
 @dataclass(frozen=True)
 class Source:
-    """A composed OpenCL source: text, build options, the kernel files in it in order, the precision of its reals."""
+    """A composed OpenCL source: text, build options, its kernel files in order, and the precision of its reals."""
 
     text: str
     options: tuple[str, ...]
@@ -57,11 +57,11 @@ def compose(
     macros: dict[str, str] | None = None,
     first: tuple[str, ...] = (),
 ) -> Source:
-    """Source of the kernel file `entry` with everything that it includes.
+    """Source of the kernel file `entry` with all files that it includes.
 
     entry: the name of a kernel file, or the path of a file elsewhere that includes some of them.
-    choices: family -> member, e.g. {"surface": "sphere"}; structs, constants: as interface.c_declarations takes them.
-    width: rays side by side in a work-item, 1, 8 or 16. macros: "NAME(arguments)" -> text, of the program's own words.
+    choices: family -> member, e.g. {"surface": "sphere"}; structs, constants: see structs.c_declarations.
+    width: rays side by side in a work-item, 1, 8 or 16. macros: "NAME(arguments)" -> text.
     first: files that come before the entry, with what they include.
     """
     choices = choices | {
@@ -84,7 +84,7 @@ def _pragma(precision: str) -> str:
 
 
 def _expand(known: dict[str, Path], entry: str | Path, choices: dict[str, str], files: list[str]) -> list[str]:
-    """Text of one file and of what it includes and is not yet in files, depth first."""
+    """Text of one file and of its includes that are not yet in files, depth first."""
     name = Path(entry).name
     if name in files:
         return []
@@ -114,11 +114,11 @@ _built: dict[tuple[cl.Context, Source], cl.Program] = {}
 
 
 def build(device: Device, source: Source) -> cl.Program:
-    """The built program; a second call with the same device and source returns the first one's.
+    """The built program. A second call with the same device and source returns the same program.
 
-    Across processes binary caches of the user serve: the driver's own (PoCL, NVIDIA), else PyOpenCL's, whose key is the
-    source, the options, the device and its driver.
-    Raises DeviceError if the device's compiler refuses the source; the compiler's log is in the file that it names.
+    Across processes, the user's binary caches avoid builds: the driver's own (PoCL, NVIDIA), else PyOpenCL's, whose key
+    is the source, the options, the device and its driver.
+    Raises DeviceError if the device's compiler rejects the source; its message names the file of the compiler's log.
     """
     key = (device.context, source)
     if key not in _built:
@@ -133,7 +133,7 @@ def build(device: Device, source: Source) -> cl.Program:
 
 
 def _keep_log(log: str) -> str:
-    """Write a compiler's log to a new file in the user's folder for temporary files; says where it is."""
+    """Write a compiler's log to a new file in the user's folder for temporary files. Returns a text with its path."""
     try:
         handle, path = tempfile.mkstemp(prefix="irtscots-build-", suffix=".log")  # its name cannot be guessed
         with open(handle, "w", encoding="utf-8", errors="replace") as file:
@@ -144,7 +144,7 @@ def _keep_log(log: str) -> str:
 
 
 def check_precision(device: Device, precision: str) -> None:
-    """Raises DeviceError if the device cannot compute in that precision ("fp32", "fp64")."""
+    """Raise DeviceError if the device cannot compute in that precision; ValueError unless it is "fp32" or "fp64"."""
     if precision not in PRECISIONS:
         raise ValueError(f"precision = {precision!r}: must be fp32 or fp64")
     if precision == "fp64" and not device.has_fp64:

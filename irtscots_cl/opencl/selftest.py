@@ -1,6 +1,6 @@
-"""Whether a device computes rightly: known answers in the kernels' own arithmetic, before anything is traced on it.
+"""Checks that a device computes correctly: known answers in the kernels' own arithmetic, before the first trace.
 
-Runs kernels/entry/self_test.cl, which is made of the files that every kernel is made of.
+Runs kernels/entry/self_test.cl, which includes the same files as every kernel.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from irtscots_cl.opencl.device import Device, DeviceError, driver_errors
 from irtscots_cl.opencl.program import build, check_precision, compose
 from irtscots_cl.opencl.structs import PRECISIONS
 
-# In units of the last place of the exact result: what OpenCL allows in single precision. The kernels need no more.
+# In units of the last place of the exact result: OpenCL's limits in single precision. The kernels need no more.
 MAX_SQRT_ULP = 3.0
 MAX_DIVISION_ULP = 2.5
 
@@ -30,14 +30,14 @@ _COUNTERS, _KEYS, _WORDS = (
     np.array([[int(word, 16) for word in row[column].split()] for row in KNOWN_WORDS], np.uint32) for column in range(3)
 )
 
-_ITEMS = 1024  # enough that their sums meet on every core
-_TRIPLES = 512  # of numbers, taken again and again
+_ITEMS = 1024  # enough that all cores add to the same sums
+_TRIPLES = 512  # of numbers, used repeatedly
 _SUMS = 5
 
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """How a device that passed computes: largest errors in units of the last place; whether multiply-add is fused."""
+    """Arithmetic of a device that passed: largest errors in units of the last place; whether multiply-add is fused."""
 
     sqrt_ulp: float
     division_ulp: float
@@ -48,15 +48,15 @@ class Arithmetic:
 def check_device(device: Device, precision: str) -> Arithmetic:
     """The self-test, once per process, device and precision: square root, division, multiply-add, Philox, 64-bit sums.
 
-    Raises DeviceError, which says what was expected and what was found, if the device computes one of them wrongly or
-    cannot run the kernel at all; ValueError if there is no such precision.
+    Raises DeviceError, with the expected and the found values, if the device computes one of them incorrectly or cannot
+    run the kernel; ValueError for an unknown precision.
     """
     check_precision(device, precision)
     real, width = PRECISIONS[precision], device.vector_width(precision)
     x, y, z = _numbers(real)
     amounts, targets = _amounts()
     reals, words, sums = _answers(device, precision, width, np.array([x, y, z]), amounts, targets)
-    # every lane of every work-item, over the numbers that it was given
+    # every lane of every work-item, for the numbers given to it
     root, quotient, sum_ = (reals[:, k].reshape(-1, _TRIPLES) for k in range(3))
 
     wide_x, wide_y = x.astype(float), y.astype(float)
@@ -80,9 +80,9 @@ def check_device(device: Device, precision: str) -> Arithmetic:
 
 
 def probe(device: Device) -> dict[str, object]:
-    """What `irtscots devices` tells: the self-test's findings and sizes. Raises DeviceError as check_device does.
+    """The facts that `irtscots devices` prints: results of the self-test and sizes. Raises DeviceError as check_device.
 
-    A device that fails in double precision alone is one without it, and the reason is told.
+    A device that fails only in double precision counts as one without it, and the reason is given.
     """
     single, double = check_device(device, "fp32"), {"fp64": device.has_fp64}
     try:
@@ -105,7 +105,7 @@ def probe(device: Device) -> dict[str, object]:
 
 
 def _numbers(real) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """x > 0, y, z [_TRIPLES] of the precision; in every second one z cancels the product's leading digits."""
+    """x > 0, y, z [_TRIPLES] in that precision; in every second triple, z cancels the product's leading digits."""
     random = np.random.default_rng(1)
     x, y, z = (real(random.uniform(1, 2, _TRIPLES) * 2.0 ** random.integers(-30, 31, _TRIPLES)) for _ in range(3))
     x[:8] = [1, 2, 4, 0.25, 9, 1e-6, 1e6, 3]
@@ -115,7 +115,7 @@ def _numbers(real) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _amounts() -> tuple[np.ndarray, np.ndarray]:
-    """What is added [_ITEMS] to which sum [_ITEMS]; low words overflow in every sum, and one ends at 2^64 - 1."""
+    """Amounts [_ITEMS] and indices of their sums [_ITEMS]; low words overflow in every sum; one ends at 2^64 - 1."""
     random = np.random.default_rng(2)
     amounts = random.integers(0, 2**41, _ITEMS, dtype=np.uint64)
     targets = (np.arange(_ITEMS) % _SUMS).astype(np.uint32)
@@ -131,7 +131,7 @@ def _fused(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 
 def _largest_error(device: Device, what: str, found, exact, limit: float, *arguments: np.ndarray) -> float:
-    """Largest error of found [:, n] in units of the last place of exact [n]; DeviceError if it is beyond the limit."""
+    """Largest error of found [:, n] in units of the last place of exact [n]; DeviceError beyond the limit."""
     unit = np.abs(np.spacing(exact.astype(found.dtype)).astype(float))
     error = np.abs(found.astype(float) - exact) / unit
     error[~np.isfinite(error)] = np.inf
@@ -148,13 +148,13 @@ def _hexadecimal(words: np.ndarray) -> str:
 
 
 def _refusal(device: Device, what: str, expected: object, found: object) -> DeviceError:
-    told = f"{what}: expected {expected!s}, found {found!s}"  # !s: a float's digits, not those of the double it becomes
+    told = f"{what}: expected {expected!s}, found {found!s}"  # !s: digits of the float, not of the double
     return DeviceError(f"{device.label}: computes wrongly: {told}; choose another with --device")
 
 
 def _answers(device: Device, precision: str, width: int, numbers: np.ndarray, amounts: np.ndarray,
              targets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """What the device makes of numbers [3, _TRIPLES] and of the sums: reals [values, 3], words [items, lanes, 4], sums.
+    """The device's results for numbers [3, _TRIPLES] and the sums: reals [values, 3], words [items, lanes, 4], sums.
 
     Raises DeviceError if it cannot run the kernel.
     """

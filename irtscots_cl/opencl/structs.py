@@ -1,7 +1,7 @@
-"""What host and kernels share: the numbers of fates and the layout of every structure, defined once as NumPy dtypes.
+"""Shared by host and kernels: the numbers of fates and the layout of every structure, defined once as NumPy dtypes.
 
 The C text for the kernels is generated from the dtypes (c_declarations). Structures are aligned as a C compiler aligns
-them; lengths are mm. The real type is float32 or float64, by the precision of the run.
+them. Lengths are in mm. The real type is float32 or float64, by the precision of the run.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from enum import IntEnum
 import numpy as np
 
 PRECISIONS = {"fp32": np.float32, "fp64": np.float64}
-WEIGHT_ONE = 2**24  # fixed-point scale of an adjoint ray's weight: all that a single-precision weight can tell
+WEIGHT_ONE = 2**24  # fixed-point scale of an adjoint ray's weight: the resolution of single precision
 
 
 class Fate(IntEnum):
-    """How a ray ends. OFF_WINDOW is a fault of the transport's windows and never stays in a finished run."""
+    """How a ray ends. OFF_WINDOW means a window was too small; a finished run has no such rays."""
 
     DETECTED = 0
     MISSED_MIRROR = 1
@@ -31,7 +31,7 @@ LAUNCH = np.dtype(
     [
         ("first_ray", np.uint64),
         ("ray_count", np.uint64),
-        ("rays_per_item", np.uint64),  # of each stream
+        ("rays_per_item", np.uint64),  # of each source
         ("first_source", np.uint32),
         ("replicate", np.uint32),
         ("seed_low", np.uint32),
@@ -61,8 +61,8 @@ def receiver_dtype(real) -> np.dtype:
     """A detector pixel that can see the mirror, as the adjoint estimator's source.
 
     x, y: its centre on the upright image [mm]; weight_scale: turns cos^4 into a fixed-point weight, WEIGHT_ONE at the
-    pixel's centre; column, row: its window's first screen pixel; pixel: its number row * columns + column, the random
-    stream.
+    pixel's centre; column, row: its window's first screen pixel; pixel: its number row * columns + column, the source
+    number of its random words.
     """
     return np.dtype(
         [
@@ -81,8 +81,8 @@ def chord_dtype(real) -> np.dtype:
     """How a detector pixel's light moves along one axis of the screen as it moves over the camera's aperture.
 
     normal_a, normal_b: unit direction on the aperture along which the landing point moves along that axis alone; slope,
-    bend: lines per mm and per mm^2 along it; growth: relative, of cos^4 per mm; mirror_x, mirror_y: the mirror point's
-    move per mm.
+    bend: lines per mm and per mm^2 along it; growth: relative growth of cos^4 per mm; mirror_x, mirror_y: move of the
+    mirror point per mm.
     """
     names = ("normal_a", "normal_b", "slope", "bend", "growth", "mirror_x", "mirror_y")
     return np.dtype([(name, real) for name in names], align=True)
@@ -94,7 +94,7 @@ def line_receiver_dtype(real) -> np.dtype:
 
 
 def frame_dtype(real) -> np.dtype:
-    """A device's frame: position and axes in world coordinates; offset = -axes . position, taken in float64."""
+    """A device's frame: position and axes in world coordinates; offset = -axes . position, computed in float64."""
     return np.dtype(
         [("position", real, 3), ("axis_x", real, 3), ("axis_y", real, 3), ("axis_z", real, 3), ("offset", real, 3)],
         align=True,
@@ -102,7 +102,7 @@ def frame_dtype(real) -> np.dtype:
 
 
 def mirror_dtype(real, deviated: bool, annular: bool) -> np.dtype:
-    """The mirror's quadric (geometry.Quadric) and aperture, with only the fields that the scene's kernels read."""
+    """The mirror's quadric (quadric.Quadric) and aperture, with only the fields that the scene's kernels read."""
     names = ["q_xx", "q_yy", "q_zz", "q_xz", "aperture_radius2"] + ["obscuration_radius2"] * annular
     return np.dtype([(name, real) for name in names] + [("newton_steps", np.int32)] * deviated, align=True)
 
@@ -110,13 +110,13 @@ def mirror_dtype(real, deviated: bool, annular: bool) -> np.dtype:
 def zernike_term_dtype(real) -> np.dtype:
     """One radial term: coefficients [mm] and the recurrence P_{k+1} = (alpha t + beta) P_k + gamma P_{k-1}.
 
-    gamma_next is the following term's gamma, as Clenshaw's recurrence wants it.
+    gamma_next is the next term's gamma, which Clenshaw's recurrence needs.
     """
     return np.dtype([(name, real) for name in ("cosine", "sine", "alpha", "beta", "gamma_next")], align=True)
 
 
 def zernike_clenshaw_dtype(real, series: int, terms: int) -> np.dtype:
-    """The deviation as a zernikes.RadialSeries of `series` azimuthal orders and `terms` radial terms in all."""
+    """The deviation as a series.RadialSeries with `series` azimuthal orders and `terms` radial terms in total."""
     return np.dtype(
         [
             ("inverse_radius", real),
@@ -130,12 +130,12 @@ def zernike_clenshaw_dtype(real, series: int, terms: int) -> np.dtype:
 
 
 def zernike_power_dtype(real, coefficients: int) -> np.dtype:
-    """The deviation's zernikes.PowerRows: coefficients in mm. Which rows they make up is declared as constants."""
+    """The deviation's series.PowerRows: coefficients in mm. Constant tables describe its rows."""
     return np.dtype([("inverse_radius", real), ("coefficient", real, coefficients)], align=True)
 
 
 def scene_dtype(real, mirror: np.dtype, zernike: np.dtype | None) -> np.dtype:
-    """Everything about the scene that is the same for all rays."""
+    """The values of the scene that are the same for all rays."""
     names = (
         "screen_pitch",
         "inverse_screen_pitch",
@@ -160,12 +160,13 @@ def scene_dtype(real, mirror: np.dtype, zernike: np.dtype | None) -> np.dtype:
 
 
 def element_dtype(real, groups: int) -> np.dtype:
-    """An element of a non-sequential trace (parts.Part), as the kernels read it.
+    """An element of a non-sequential trace (components.Component), as the kernels read it.
 
-    axis_*: its axes in the world; offset: from each group's origin to it, in its frame, and the sum of its magnitudes;
-    origin: it from its own group's origin, in the world [mm]. q_*: geometry.Quadric. outer2, inner2: squares of the
-    aperture's radii; half_u, half_v: of its width and height. reflectance: below 0 stands for Fresnel's. least_chance:
-    of either branch at a refractor, min_weight: of the weaker one where both are followed.
+    axis_*: its axes in the world; offset: shift from positions relative to each group's origin to its frame, and the
+    sum of the shift's magnitudes; origin: its position from its own group's origin, in the world [mm]. q_*:
+    quadric.Quadric. outer2, inner2: squares of the aperture's radii; half_u, half_v: half width and height.
+    reflectance: negative means Fresnel's. least_chance: smallest probability of either branch at a refractor;
+    min_weight: smallest weight of the weaker branch if both are followed.
     """
     fields = [(name, real, 3) for name in ("axis_x", "axis_y", "axis_z", "origin")]
     fields += [("offset", real, (groups, 4))]
@@ -182,10 +183,11 @@ TIS_NODES = 129
 def scatter_structs(real, groups: int, elements: int, targets: int) -> dict[str, np.dtype]:
     """Structures of all that scatters in a non-sequential trace, as kernels/scatter/scattered.cl reads them.
 
-    Target: a disk, its centre from each group's origin and its axes in the world [mm]. Lobe, one per element: numbers
-    of its kernels/scatter/scatter_*.cl; chance of a ray to part; of those, the share that the lobe draws; its shape,
-    the density (1 + d^2 inverse_l2)^(power - 1) about centre times the specular direction; tis: total integrated
-    scatter by the root of the cosine of incidence, at equal steps from 0 to 1; target: numbers of the targets aimed at.
+    Target: a disk, its centre from each group's origin and its axes in the world [mm]. Lobe, one per element: numbers:
+    parameters of its kernels/scatter/scatter_*.cl; probability: of a ray to split; share: the share of split rays drawn
+    from the lobe; its shape is the density (1 + d^2 inverse_l2)^(power - 1) about centre times the specular direction;
+    tis: total integrated scatter by the root of the cosine of incidence, at equal steps from 0 to 1; target: indices of
+    the targets that rays are aimed at.
     """
     target = np.dtype([("centre", real, (groups, 3)), ("axis_x", real, 3), ("axis_y", real, 3), ("axis_z", real, 3),
                        ("radius", real)], align=True)  # fmt: skip
@@ -198,11 +200,11 @@ def scatter_structs(real, groups: int, elements: int, targets: int) -> dict[str,
 
 PATH = np.dtype(
     [
-        ("low", np.uint32),  # of its code
+        ("low", np.uint32),  # low word of its code
         ("high", np.uint32),
-        ("scale", np.float32),  # what weights are multiplied by to be whole numbers
+        ("scale", np.float32),  # factor that turns weights into whole numbers
         ("class_scale", np.float32),
-        ("kind", np.int32),  # number of its class
+        ("kind", np.int32),  # number of its event class
     ],
     align=True,
 )
@@ -212,11 +214,11 @@ KNOWN_STEPS = 2
 
 
 def path_job_dtype(real) -> np.dtype:
-    """What a non-sequential launch is about: sizes of its tables, and where its rays start.
+    """Parameters of a non-sequential launch: sizes of its tables, and the start of its rays.
 
-    found_size: entries for found paths, 0 in a run that keeps images. screen_group, screen_element: that rays start in
-    and on. inverse_unit_area: 1 / aim_ll aim_mm of the emitter whose rays weigh 1. may: bits of the elements that a ray
-    may meet in its first steps.
+    found_size: number of entries for found paths, 0 in a run that stores images. screen_group, screen_element: the
+    group and the element where rays start. inverse_unit_area: 1 / (aim_ll aim_mm) of the emitter whose rays have weight
+    1. may: bits of the elements that a ray may meet in its first steps.
     """
     names = ("path_count", "element_count", "found_size", "bounce_limit", "screen_group", "screen_element")
     fields = [(name, np.int32) for name in names]
@@ -233,10 +235,10 @@ _C_NAMES = {
 
 
 def c_declarations(structs: dict[str, np.dtype], constants: dict[str, tuple[int, ...]] | None = None) -> str:
-    """OpenCL C text of the fates, of the structures, each after those that it contains, and of constant tables.
+    """OpenCL C text of the fates, the structures (each after those that it contains), and the constant tables.
 
-    structs: C name -> dtype; a nested dtype must be named by an entry before it. constants: C name -> whole numbers;
-    they describe the scene's structure, never its values.
+    structs: C name -> dtype; the entry of a nested dtype must come first. constants: C name -> whole numbers; they
+    describe the scene's structure, never its values.
     """
     fates = ", ".join(f"FATE_{fate.name} = {fate.value}" for fate in Fate)
     lines = [f"enum {{ {fates}, FATE_COUNT = {len(Fate)} }};"]
