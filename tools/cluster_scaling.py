@@ -27,8 +27,9 @@ from distributed import Client
 
 from irtscots_cl.execution.dask.run import FAN_IN, task_seconds
 from irtscots_cl.execution.dask.tasks import add_up
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.presets import load_scene
-from irtscots_cl.tracing.estimators.sequential import TraceWork
+from irtscots_cl.tracing.estimators.sequential import SequentialTask
 from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.trace import trace
 
@@ -82,7 +83,7 @@ def rates(client: Client, scene, rays_per_pixel: int, rounds: int) -> dict[str, 
 
 def costs(client: Client, scheduler: psutil.Process, scene) -> dict[str, float]:
     """Processor seconds of scheduler and client for each task with its share of sums."""
-    work = TraceWork(scene, TraceOptions())
+    work = SequentialTask(Setup(scene), TraceOptions())
     options = {"client": client, "rays_per_pixel": MANY_TASKS // 2, "replicates": 2}
     trace(scene, **(options | {"rays_per_pixel": 16}))
     before, started = sum(scheduler.cpu_times()[:2]), time.process_time()
@@ -94,7 +95,7 @@ def costs(client: Client, scheduler: psutil.Process, scene) -> dict[str, float]:
 
 def messages(client: Client, scene) -> dict[str, float]:
     """Size of a task's sums, and how fast they are fetched and added up."""
-    shapes = TraceWork(scene, TraceOptions()).sums_shapes
+    shapes = SequentialTask(Setup(scene), TraceOptions()).sums_shapes
     size, fetched = 8 * sum(math.prod(shape) for shape in shapes), []
     for _ in range(5):
         future = client.submit(lambda: [np.ones(shape, np.uint64) for shape in shapes], pure=False)
@@ -109,7 +110,7 @@ def messages(client: Client, scene) -> dict[str, float]:
             "add_up_seconds": time.perf_counter() - started}  # fmt: skip
 
 
-def project(workers: int, work: TraceWork, task: dict[str, float], sums: dict[str, float]) -> dict[str, float]:
+def project(workers: int, work: SequentialTask, task: dict[str, float], sums: dict[str, float]) -> dict[str, float]:
     """What so many equal workers make of an hour's trace: shares of time, bytes, and seconds that it ends later."""
     _, seconds = task_seconds(work, workers)
     tasks = workers * HOUR / seconds
@@ -136,7 +137,7 @@ def measure(options: argparse.Namespace) -> dict:
             if workers == options.workers[-1]:
                 found["task"], found["sums"] = costs(client, scheduler, small), messages(client, scene)
     found["load_after"] = os.getloadavg()[0]
-    work = TraceWork(scene, TraceOptions())
+    work = SequentialTask(Setup(scene), TraceOptions())
     found["projected"] = [project(n, work, found["task"], found["sums"]) for n in PROJECTED]
     dearest = max(("scheduler", "client"), key=lambda who: found["task"][f"{who}_seconds"])
     _, seconds = task_seconds(work, 1)

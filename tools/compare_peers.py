@@ -20,10 +20,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from irtscots_cl.bench.suite import conditions, peak_memory_mib
+from irtscots_cl.execution.device_tracer import DeviceTracer
 from irtscots_cl.opencl.device import Device, select_device
-from irtscots_cl.optics.chief_rays import chief_rays
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.presets import load_scene
-from irtscots_cl.tracing.estimators.sequential import Tracer
+from irtscots_cl.tracing.estimators.sequential import SequentialTask
 from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.packing.sources import emitters
 from irtscots_cl.tracing.results.transport import Transport
@@ -48,7 +49,7 @@ Peer = Callable[[int, int, dict], np.ndarray]
 def job() -> dict:
     """The scene's numbers, from this program's own description but traced by nobody here."""
     scene = load_scene("sphere")
-    chief = chief_rays(scene)
+    chief = Setup(scene).chief_rays
     sources, _ = emitters(chief, "fp64", 1.0, "mirror")
     return {
         "radius": scene.mirror.radius_mm,
@@ -118,15 +119,18 @@ def usable_peers(given: dict, ours: Transport) -> dict[str, tuple[Peer, int]]:
     return found
 
 
-def our_tracers(device: Device) -> dict[str, Tracer]:
+def our_tracers(device: Device) -> dict[str, DeviceTracer]:
     """Our forward estimator by sampler, and in double precision where the device has it."""
     options = {f"irtscots-cl {sampler}": TraceOptions("forward", sampler) for sampler in ("philox", "sobol", "lattice")}
     if device.has_fp64:
         options["irtscots-cl philox fp64"] = TraceOptions("forward", "philox", "fp64")
-    return {name: Tracer(chief_rays(load_scene("sphere")), device, option) for name, option in options.items()}
+    setup = Setup(load_scene("sphere"))
+    return {name: DeviceTracer(SequentialTask(setup, option), device) for name, option in options.items()}
 
 
-def time_all(tracers: dict[str, Tracer], peers: dict[str, tuple[Peer, int]], given: dict) -> dict[str, list[float]]:
+def time_all(
+    tracers: dict[str, DeviceTracer], peers: dict[str, tuple[Peer, int]], given: dict
+) -> dict[str, list[float]]:
     """Rays per second by name, of ROUNDS rounds in which all take their turns. Kernel time of ours, wall of peers."""
     sources = len(given["sources"])
     rates: dict[str, list[float]] = {name: [] for name in (*tracers, *peers)}

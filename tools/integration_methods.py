@@ -14,7 +14,7 @@ import numpy as np
 
 from irtscots_cl.maths.integration import METHODS, integrate_slopes, noise_gain
 from irtscots_cl.maths.low_order import remove_terms, rms
-from irtscots_cl.optics.chief_rays import chief_rays
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.presets import load_scene
 
@@ -33,7 +33,7 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=256, help="maps of noise (default: 256)")
     options = parser.parse_args()
     scene = load_scene("sphere-deviated")
-    footprint = chief_rays(scene.nominal()).footprint
+    footprint = Setup(scene.nominal()).chief_rays.footprint
     mask = footprint.coverage >= 0.5
     x, y = (np.where(mask, v, 0.0) for v in (footprint.x_mm, footprint.y_mm))
     design = Surface.of(scene.nominal().mirror)

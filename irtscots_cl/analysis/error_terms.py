@@ -8,6 +8,7 @@ error.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +21,7 @@ from irtscots_cl.measurement.methods import measure_by
 from irtscots_cl.measurement.reconstruction import Reconstruction, design_points, triangulated
 from irtscots_cl.measurement.slopes import deconvolve_pixel
 from irtscots_cl.opencl.device import Device
-from irtscots_cl.optics.chief_rays import chief_rays
-from irtscots_cl.optics.pixel.response import pixel_response
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
@@ -43,7 +43,8 @@ class ErrorTerm:
 
 
 def error_terms(
-    result: Reconstruction, scene: Scene, measure: str, options: TraceOptions, device: Device | None = None
+    result: Reconstruction, scene: Scene | Setup, measure: str, options: TraceOptions,
+    device: Device | Sequence[Device] | None = None,
 ) -> tuple[ErrorTerm, ...]:
     """The terms of a result's height error against the scene's true mirror, in the order of the measurement.
 
@@ -52,15 +53,18 @@ def error_terms(
     has double precision; otherwise it is included in the ray noise. Pixels without light in closed form, if any, have
     their own term.
     """
-    free = measure_by(measure, trace(scene, estimator=ANALYTIC).images(LineScan(scene)), scene.nominal())
+    setup = Setup.of(scene)
+    scene = setup.scene
+    free = measure_by(measure, trace(setup, estimator=ANALYTIC).images(LineScan(scene)), result.setup)
     known = result.mask & free.mask
     surface = Surface.of(scene.mirror)
     truth = surface.deviation_at(result.x_mm, result.y_mm)[0]
-    rounding = _rounding(result, scene, options, device)
+    first = device if device is None or isinstance(device, Device) else device[0]
+    rounding = _rounding(result, setup, options, first)
     if result.updates_nm:
         slopes, heights = _refined(result, free, surface, truth)
     else:
-        slopes, heights = _stages(result, free, scene, surface), {}
+        slopes, heights = _stages(result, free, setup, surface), {}
     if rounding is not None:
         slopes["ray noise"] = slopes["ray noise"] - rounding
         slopes = {"ray noise": slopes.pop("ray noise"), "float rounding": rounding, **slopes}
@@ -77,16 +81,16 @@ def error_terms(
     return tuple(_part(result, name, slopes.get(name), height) for name, height in heights.items())
 
 
-def _stages(result: Reconstruction, free: Reconstruction, scene: Scene, surface: Surface) -> dict[str, np.ndarray]:
+def _stages(result: Reconstruction, free: Reconstruction, setup: Setup, surface: Surface) -> dict[str, np.ndarray]:
     """Slope maps [2, rows, columns] of the stages' errors, for a result without refinement."""
-    design, x, y = chief_rays(scene.nominal()), result.x_mm, result.y_mm
+    design, x, y = result.setup.chief_rays, result.x_mm, result.y_mm
     true_height = surface.sag(x, y)
-    own = np.stack(triangulated(design, x, y, design.surface.sag(x, y), *design_points(design)[2:]))
+    own = np.stack(triangulated(design, x, y, design.surface.sag(x, y), *design_points(result.setup)[2:]))
 
     def measured(z_mm, u_mm, v_mm) -> np.ndarray:  # measured slopes from centroids and height
         return _averaged(result, np.stack(triangulated(design, x, y, z_mm, u_mm, v_mm)) - own)
 
-    light = pixel_response(scene)
+    light = setup.pixel_response
     means = np.full((2, result.mask.size), np.nan)
     means[:, light.pixels] = light.means("uv")
     means = means.reshape(2, *result.mask.shape)
@@ -116,15 +120,15 @@ def _refined(result: Reconstruction, free: Reconstruction, surface: Surface, tru
 
 
 def _rounding(
-    result: Reconstruction, scene: Scene, options: TraceOptions, device: Device | None
+    result: Reconstruction, setup: Setup, options: TraceOptions, device: Device | None
 ) -> np.ndarray | None:
     """Slopes [2, rows, columns] in single minus double precision, of the same rays; None if not separated."""
     if options.estimator != "adjoint" or options.precision != "fp32" or device is None or not device.has_fp64:
         return None
-    design = chief_rays(scene.nominal())
+    design, scene = result.setup.chief_rays, setup.scene
     slopes = []
     for precision in ("fp32", "fp64"):
-        run = trace(scene, device=device, precision=precision, sampler=options.sampler, seed=options.seed,
+        run = trace(setup, device=device, precision=precision, sampler=options.sampler, seed=options.seed,
                     smoothing=True, rays_per_pixel=ROUNDING_RAYS, replicates=1)  # fmt: skip
         stack, landing = run.images(LineScan(scene)), np.full((2, result.mask.size), np.nan)
         for on_grid, scan in zip(landing, (stack.x, stack.y), strict=True):
@@ -134,9 +138,9 @@ def _rounding(
     return _averaged(result, slopes[0] - slopes[1])
 
 
-def rounding_height_nm(result: Reconstruction, scene: Scene, options: TraceOptions, device: Device) -> float:
+def rounding_height_nm(result: Reconstruction, scene: Scene | Setup, options: TraceOptions, device: Device) -> float:
     """Rms height error of rounding in nm, without piston and tilt, as in error_terms; 0 if it is not separated."""
-    slopes = _rounding(result, scene, options, device)
+    slopes = _rounding(result, Setup.of(scene), options, device)
     if slopes is None:
         return 0.0
     return _part(result, "float rounding", None, _integrate(result, np.where(result.mask, slopes, 0.0))).height_nm

@@ -12,15 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irtscots_cl.execution.device_tracer import MIN_TIMED_RAYS, DeviceTracer
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
-from irtscots_cl.optics.chief_rays import chief_rays
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
-from irtscots_cl.tracing.estimators.nonsequential import PathTracer
-from irtscots_cl.tracing.estimators.sequential import Tracer
+from irtscots_cl.tracing.estimators.nonsequential import PathTask
+from irtscots_cl.tracing.estimators.sequential import SequentialTask
 from irtscots_cl.tracing.options import ESTIMATORS, NONSEQUENTIAL, TraceOptions
 from irtscots_cl.tracing.samplers import SAMPLERS
 
@@ -118,23 +119,25 @@ def _features(sphere: Scene) -> dict[str, Scene]:
 def time_cases(cases: list[Case], device: Device, quick: bool) -> list[Timing]:
     """Build and warm up all cases, then time them in turn. Raises the errors of Tracer and its options."""
     tracers = [_tracer(case, device) for case in cases]
-    warm = [tracer.throughput(WARM_UP_RAYS) for tracer in tracers]
+    least = [1 if case.estimator == NONSEQUENTIAL else MIN_TIMED_RAYS for case in cases]
+    warm = [tracer.throughput(WARM_UP_RAYS, few) for tracer, few in zip(tracers, least, strict=True)]
     rays = [int(rate * SECONDS[quick]) for rate in warm]
     rates: list[list[float]] = [[] for _ in cases]
     for _ in range(ROUNDS[quick]):
-        for tracer, count, rate in zip(tracers, rays, rates, strict=True):
-            rate.append(tracer.throughput(count))
+        for tracer, count, few, rate in zip(tracers, rays, least, rates, strict=True):
+            rate.append(tracer.throughput(count, few))
     return [
         Timing(case, case.width or device.vector_width(case.precision), first, count, tuple(rate))
         for case, first, count, rate in zip(cases, warm, rays, rates, strict=True)
     ]
 
 
-def _tracer(case: Case, device: Device) -> Tracer | PathTracer:
+def _tracer(case: Case, device: Device) -> DeviceTracer:
+    setup = Setup(case.scene)
     options = TraceOptions(case.estimator, case.sampler, case.precision, smoothing=case.smoothing)
     if case.estimator == NONSEQUENTIAL:
-        return PathTracer(case.scene, device, options)
-    return Tracer(chief_rays(case.scene), device, options, width=case.width, accumulate=case.accumulate)
+        return DeviceTracer(PathTask(setup, options), device)
+    return DeviceTracer(SequentialTask(setup, options, width=case.width, accumulate=case.accumulate), device)
 
 
 def multiply_add_rate(device: Device) -> float:

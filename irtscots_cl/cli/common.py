@@ -8,9 +8,12 @@ import logging
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
+
+if TYPE_CHECKING:
+    from irtscots_cl.optics.setup import Setup
 
 DEVICE_HELP = (
     "part of a device's name, its index such as 0:0, cpu or gpu; "
@@ -47,13 +50,15 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="preset name (see `irtscots scenes`) or path of a TOML file")
 
 
-def visible_scene(name_or_path: str) -> Scene:
+def visible_setup(name_or_path: str) -> Setup:
     """The scene of a name or path, checked to be traceable. Raises SceneError; its message uses the given name."""
     scene = load_scene(name_or_path)
-    from irtscots_cl.optics.chief_rays import check_visible, chief_rays
+    from irtscots_cl.optics.chief_rays import check_visible
+    from irtscots_cl.optics.setup import Setup
 
-    check_visible(chief_rays(scene), name_or_path)
-    return scene
+    setup = Setup(scene)
+    check_visible(setup.chief_rays, name_or_path)
+    return setup
 
 
 DEFAULTS = {"estimator": "adjoint", "sampler": "philox", "precision": "fp32", "smoothing": False, "measure": "paper"}
@@ -138,3 +143,33 @@ def print_tables(tables) -> None:
 
 def print_json(data: object) -> None:
     print(json.dumps(data, indent=2))
+
+
+PATH_CHOICES = ("bounce_limit", "least_chance", "branches", "aimed_scatter")
+
+
+def add_path_choices(parser: argparse.ArgumentParser) -> None:
+    """Options of the non-sequential estimator; those that were not given are None."""
+    parser.add_argument(
+        "--bounce-limit", type=int, metavar="B", help="nonsequential: events after which a ray is given up; default 10"
+    )
+    parser.add_argument(
+        "--least-chance",
+        type=float,
+        metavar="C",
+        help="nonsequential: probability of a reflection at an interface, however small its share of the light: more "
+        "of it, more rays on ghosts; default 0.1",
+    )
+    parser.add_argument(
+        "--branches",
+        metavar="B",
+        help="nonsequential: at an interface random (a ray goes one way, chosen at random) or split (it goes both "
+        "ways, as long as the weaker ray weighs a thousandth of a ray); default random",
+    )
+    parser.add_argument(
+        "--no-aimed-scatter",
+        dest="aimed_scatter",
+        action="store_false",
+        default=None,
+        help="nonsequential: draw scattered rays from the lobe alone, none towards the camera",
+    )

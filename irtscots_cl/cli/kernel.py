@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from irtscots_cl.cli.common import add_scene, add_trace_choices, choices, command, print_json, visible_scene
+from irtscots_cl.cli.common import add_scene, add_trace_choices, choices, command, print_json, visible_setup
 
 
 def add(commands) -> None:
@@ -20,8 +20,8 @@ def _execute(options: argparse.Namespace) -> int:
     if chosen.estimator == ANALYTIC:
         allowed = ", ".join((*ESTIMATORS, NONSEQUENTIAL))
         raise ValueError(f"--estimator = {ANALYTIC!r}: has no kernel; must be one of {allowed}")
-    scene = visible_scene(options.scene)
-    source = _source(scene, options.device, chosen)
+    setup = visible_setup(options.scene)
+    source = _source(setup, options.device, chosen)
     if options.json:
         print_json({"options": source.options, "files": source.files, "source": source.text})
     else:
@@ -30,17 +30,14 @@ def _execute(options: argparse.Namespace) -> int:
     return 0
 
 
-def _source(scene, choice: str | None, options):
+def _source(setup, choice: str | None, options):
     """The composed source of the estimator's kernel, built on the device."""
+    from irtscots_cl.execution.device_tracer import DeviceTracer
     from irtscots_cl.opencl.device import select_device
+    from irtscots_cl.tracing.estimators.nonsequential import PathTask
+    from irtscots_cl.tracing.estimators.sequential import SequentialTask
     from irtscots_cl.tracing.options import NONSEQUENTIAL
 
     device = select_device(choice)
-    if options.estimator == NONSEQUENTIAL:
-        from irtscots_cl.tracing.estimators.nonsequential import PathTracer
-
-        return PathTracer(scene, device, options).source
-    from irtscots_cl.optics.chief_rays import chief_rays
-    from irtscots_cl.tracing.estimators.sequential import Tracer
-
-    return Tracer(chief_rays(scene), device, options).source
+    task = (PathTask if options.estimator == NONSEQUENTIAL else SequentialTask)(setup, options)
+    return DeviceTracer(task, device).program.source

@@ -7,12 +7,15 @@ import argparse
 from irtscots_cl.cli.common import (
     DASK_HELP,
     DEVICES_HELP,
+    PATH_CHOICES,
+    add_path_choices,
     add_scene,
+    choices,
     command,
     print_json,
     print_tables,
     site_arguments,
-    visible_scene,
+    visible_setup,
 )
 from irtscots_cl.cli.progress import Progress, add_quiet
 
@@ -38,31 +41,14 @@ def add(commands) -> None:
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the random numbers; default 1")
     parser.add_argument("--sampler", default="philox", metavar="S", help="philox, sobol or lattice; default philox")
     parser.add_argument("--precision", default="fp32", metavar="P", help="fp32 or fp64; default fp32")
-    parser.add_argument(
-        "--bounce-limit", type=int, default=10, metavar="B", help="events after which a ray is given up; default 10"
-    )
-    parser.add_argument(
-        "--least-chance",
-        type=float,
-        default=0.1,
-        metavar="C",
-        help="chance of a reflection at an interface, however small its share of the light: more of it, more rays "
-        "on ghosts; default 0.1",
-    )
-    parser.add_argument(
-        "--branches",
-        default="roulette",
-        metavar="B",
-        help="at an interface: roulette (a ray goes one way, by chance) or both (it parts, as long as the weaker part "
-        "weighs a thousandth of a ray); default roulette",
-    )
+    add_path_choices(parser)
     parser.add_argument("--device", metavar="D", help=DEVICES_HELP)
     parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
     add_quiet(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:
-    scene = visible_scene(options.scene)
+    setup = visible_setup(options.scene)
     from irtscots_cl.analysis.stray_light import stray_light
     from irtscots_cl.report.facts import path_facts
     from irtscots_cl.report.tables import path_tables
@@ -70,16 +56,14 @@ def _execute(options: argparse.Namespace) -> int:
 
     with site_arguments(options) as where, Progress(quiet=options.quiet) as progress:
         light = trace_paths(
-            scene,
+            setup,
             **where,
             sampler=options.sampler,
             precision=options.precision,
             rays_per_pixel=options.rays_per_pixel,
             replicates=options.replicates,
             seed=options.seed,
-            bounce_limit=options.bounce_limit,
-            least_chance=options.least_chance,
-            branches=options.branches,
+            **choices(options, PATH_CHOICES),
             progress=progress,
         )
     facts = path_facts(light, stray_light(light))

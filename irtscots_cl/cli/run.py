@@ -11,7 +11,9 @@ from irtscots_cl.cli.common import (
     DASK_HELP,
     DEFAULTS,
     DEVICES_HELP,
+    PATH_CHOICES,
     add_measure,
+    add_path_choices,
     add_scene,
     add_trace_choices,
     choices,
@@ -19,7 +21,7 @@ from irtscots_cl.cli.common import (
     print_json,
     print_tables,
     site_arguments,
-    visible_scene,
+    visible_setup,
 )
 from irtscots_cl.cli.keeping import add_resume, keeping
 from irtscots_cl.cli.progress import Progress, add_quiet
@@ -86,14 +88,17 @@ def add(commands) -> None:
         metavar="F",
         help="forward: solid angle of the emission over the least that covers what it is aimed at; default 1",
     )
+    add_path_choices(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.system.atomic_files import check_output_folder
 
     given = choices(options, DEFAULTS) | choices(options, RAYS)
+    given |= choices(options, PATH_CHOICES)
     _check(options, DEFAULTS | RAYS | given)
-    scene = visible_scene(options.scene)
+    setup = visible_setup(options.scene)
+    scene = setup.scene
     _check_scene(scene, options, given)
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
     check_output_folder(folder)
@@ -102,9 +107,9 @@ def _execute(options: argparse.Namespace) -> int:
     seconds = math.inf if options.max_seconds is None else options.max_seconds
     with keeping(folder, "checkpoint", options.resume, max_seconds=seconds) as keeper:
         if options.target_nm is None:
-            run = _simulate(scene, options, given, keeper)
+            run = _simulate(setup, options, given, keeper)
         else:
-            run = _reach(scene, options, given)
+            run = _reach(setup, options, given)
         write_run(run, folder)
         keeper.remove()
     if options.json:
@@ -125,8 +130,8 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
     from irtscots_cl.measurement.methods import check_measure
     from irtscots_cl.tracing.options import TraceOptions
 
-    names = ("estimator", "sampler", "precision", "aim", "overfill", "smoothing")
-    TraceOptions(**{name: wanted[name] for name in names}, seed=options.seed)
+    names = ("estimator", "sampler", "precision", "aim", "overfill", "smoothing", *PATH_CHOICES)
+    TraceOptions(**{name: wanted[name] for name in names if name in wanted}, seed=options.seed)
     check_measure(wanted["measure"])
     share_rays(wanted["rays_per_pixel"], wanted["replicates"])
     if options.max_seconds is not None and not 0 < options.max_seconds < math.inf:
@@ -159,7 +164,7 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
         raise ValueError(f"--parts: must be left out: scene {scene.name} is more than a mirror and a paraxial camera")
 
 
-def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
+def _simulate(setup, options: argparse.Namespace, given: dict, keeper):
     """Run the simulation with the given options."""
     from irtscots_cl.pipeline.simulate import outlook, simulate
     from irtscots_cl.tracing.checks.precision import check_precision_of_scene, check_precision_on
@@ -170,20 +175,20 @@ def _simulate(scene, options: argparse.Namespace, given: dict, keeper):
         raise ValueError(f"{keeper.path}: of a run that traces rays; must be deleted first")
     with nullcontext({}) if wanted["estimator"] == ANALYTIC else site_arguments(options) as where:
         for device in where.get("device", ()):
-            check_precision_of_scene(scene, device, wanted["precision"], options.scene)
+            check_precision_of_scene(setup, device, wanted["precision"], options.scene)
         if "client" in where:
-            where["client"].call(check_precision_on, scene.to_toml(), wanted["precision"], options.scene)
+            where["client"].call(check_precision_on, setup.scene.to_toml(), wanted["precision"], options.scene)
         with Progress(quiet=options.quiet, estimate=lambda traced: outlook(traced, wanted["measure"])) as progress:
-            return simulate(scene, progress=progress, finished=progress.finished, seed=options.seed,
+            return simulate(setup, progress=progress, finished=progress.finished, seed=options.seed,
                             parts=options.parts, keeper=keeper, **where, **wanted)  # fmt: skip
 
 
-def _reach(scene, options: argparse.Namespace, given: dict):
+def _reach(setup, options: argparse.Namespace, given: dict):
     """Run until the target is reached."""
     from irtscots_cl.opencl.device import select_device
     from irtscots_cl.pipeline.target import run_to_target
 
     device = select_device(options.device)
     with Progress(quiet=options.quiet) as progress:
-        return run_to_target(scene, options.target_nm, device=device, seed=options.seed, parts=options.parts,
+        return run_to_target(setup, options.target_nm, device=device, seed=options.seed, parts=options.parts,
                      progress=progress, **given)  # fmt: skip

@@ -13,7 +13,7 @@ import os
 import sys
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -36,7 +36,6 @@ from irtscots_cl.execution.launch_plan import Cursor
 MIN_SECONDS = 5.0  # between two saves
 COST_SHARE = 50  # the time between two saves is so many times that of a save: 2 %
 BYTES_PER_SECOND = 1e8  # of saving, before a save has been timed
-MARGINS = (1, 2, 4, 8)  # that a trace can have got to
 
 
 class Interrupted(Exception):  # noqa: N818  no error
@@ -97,13 +96,13 @@ class Checkpoint:
         self.saves, self.save_seconds = 0, 0.0
         self._in_file, self._seconds_per_byte = False, 1 / BYTES_PER_SECOND
 
-    def margin(self) -> int:
-        """The windows' margin that the kept trace has got to; 1 if there is none."""
+    def saved(self, name: str, allowed: Sequence[int]) -> int:
+        """A number of the saved fingerprint; the first of `allowed` if nothing is saved or it is none of them."""
         if not self._found():
-            return 1
+            return allowed[0]
         with open(self.path, "rb") as file:
-            margin = read_header(file, self.path)["facts"].get("margin")
-        return margin if type(margin) is int and margin in MARGINS else 1
+            value = read_header(file, self.path)["facts"].get(name)
+        return value if type(value) is int and value in allowed else allowed[0]
 
     def begin(
         self, job: Fingerprint, rays: np.ndarray, sources: int, per_item: int, sums: tuple[np.ndarray, ...]

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from irtscots_cl.execution.job import Job
-from irtscots_cl.execution.launch_plan import RateMeter
+from irtscots_cl.execution.launch_plan import RateMeter, RayBlock
+from irtscots_cl.execution.task import Tracer
 from irtscots_cl.opencl.device import Device, DeviceError, describe_together, merge_descriptions
 
 SHARE = 0.5  # of what would be a device's due, taken at a time: what is left evens out what speeds did not tell
@@ -20,16 +20,16 @@ MIN_SECONDS = 0.02  # of a launch, however little is left
 log = logging.getLogger(__name__)
 
 
-class open_pool:  # noqa: N801  used as a function: `with open_pool(devices, build) as (job, facts):`
-    """One job of all the devices that can build it, and a function that gives the facts of those that take part.
+class open_pool:  # noqa: N801  used as a function: `with open_pool(devices, build) as (tracer, describe):`
+    """One tracer of all the devices that can build it, and a function that describes the devices that take part.
 
     A device that cannot is left out, and the log says so; DeviceError if none can.
     """
 
-    def __init__(self, devices: Sequence[Device], build: Callable[[Device], Job]):
-        self._crew: DevicePool | None = None
+    def __init__(self, devices: Sequence[Device], build: Callable[[Device], Tracer]):
+        self._pool: DevicePool | None = None
         if len(devices) == 1:
-            self._job, self._facts = build(devices[0]), devices[0].describe
+            self._tracer, self._describe = build(devices[0]), devices[0].describe
             return
         members = []
         for device in devices:
@@ -40,28 +40,28 @@ class open_pool:  # noqa: N801  used as a function: `with open_pool(devices, bui
                 last = error
         if not members:
             raise last
-        self._job = self._crew = DevicePool(members)
-        self._facts = self._crew.describe
+        self._tracer = self._pool = DevicePool(members)
+        self._describe = self._pool.describe
 
-    def __enter__(self) -> tuple[Job, Callable[[], dict[str, object]]]:
-        return self._job, self._facts
+    def __enter__(self) -> tuple[Tracer, Callable[[], dict[str, object]]]:
+        return self._tracer, self._describe
 
     def __exit__(self, *_) -> None:
-        if self._crew is not None:
-            self._crew.close()
+        if self._pool is not None:
+            self._pool.close()
 
 
 @dataclass
 class PooledDevice:
-    """A device of a crew with its job. done: replicate and part of the launches since its sums were last taken."""
+    """A device of a pool with its tracer. done: replicate and block of the launches since its sums were last taken."""
 
     device: Device
-    job: Job
-    done: list[tuple[int, tuple[int, int, int, int]]] = field(default_factory=list)
+    tracer: Tracer
+    done: list[tuple[int, RayBlock]] = field(default_factory=list)
 
 
 class DevicePool:
-    """Jobs of the same work on several devices, as one runner.Job.
+    """Tracers of the same task on several devices, as one task.Tracer.
 
     Each launch is shared: a thread per device takes pieces of it, larger ones on faster devices, until all is done.
     Every device adds up its own sums; sums() takes and adds them. A device that fails is left out, and the log says so:
@@ -69,19 +69,20 @@ class DevicePool:
     """
 
     def __init__(self, members: Sequence[PooledDevice]):
-        self._members, first = list(members), members[0].job
+        self._members, first = list(members), members[0].tracer
         self.sources, self.max_rays_per_item = first.sources, first.max_rays_per_item
-        self.first_launch_rays = sum(member.job.first_launch_rays for member in members)
-        self.rate_meter, self.facts = RateMeter(), merge_descriptions([member.job.facts for member in members])
+        self.first_launch_rays = sum(member.tracer.first_launch_rays for member in members)
+        self.rate_meter = RateMeter()
+        self.fingerprint = merge_descriptions([member.tracer.fingerprint for member in members])
         self._taken: tuple[np.ndarray, ...] | None = None  # sums of what is no longer on the devices
-        self._todo: list[tuple[int, tuple[int, int, int, int]]] = []
+        self._todo: list[tuple[int, RayBlock]] = []
         self._lock, self._pool = threading.Lock(), ThreadPoolExecutor(len(members))
 
     def close(self) -> None:
         self._pool.shutdown()
 
     def describe(self) -> dict[str, object]:
-        """The facts of the devices that have not failed."""
+        """The devices that have not failed."""
         return describe_together([member.device.describe() for member in self._members])
 
     def clear(self) -> None:
@@ -90,15 +91,15 @@ class DevicePool:
             member.done.clear()
             self._clear(member)
 
-    def launch(self, replicate: int, part: tuple[int, int, int, int]) -> None:
+    def launch(self, replicate: int, block: RayBlock) -> None:
         started = time.perf_counter()
-        self._share((replicate, part))
-        self.rate_meter.launched(part[1] * part[3], time.perf_counter() - started)
+        self._share((replicate, block))
+        self.rate_meter.launched(block.total, time.perf_counter() - started)
 
     def sums(self) -> tuple[np.ndarray, ...]:
         for member in list(self._members):
             try:
-                sums = member.job.sums()
+                sums = member.tracer.sums()
             except DeviceError as error:
                 self._lose(member, error)
                 continue
@@ -112,12 +113,12 @@ class DevicePool:
 
     def _clear(self, member: PooledDevice) -> None:
         try:
-            member.job.clear()
+            member.tracer.clear()
         except DeviceError as error:
             self._lose(member, error)
 
-    def _share(self, *todo: tuple[int, tuple[int, int, int, int]]) -> None:
-        """Launch these parts and what else is to be done."""
+    def _share(self, *todo: tuple[int, RayBlock]) -> None:
+        """Launch these blocks and what else is to be done."""
         self._todo += todo
         try:
             while self._todo:  # again where a device failed when the others had come to an end
@@ -131,24 +132,25 @@ class DevicePool:
         while (piece := self._take(member)) is not None:
             member.done.append(piece)
             try:
-                member.job.launch(*piece)
+                member.tracer.launch(*piece)
             except DeviceError as error:
                 self._lose(member, error)
                 return
 
-    def _take(self, member: PooledDevice) -> tuple[int, tuple[int, int, int, int]] | None:
+    def _take(self, member: PooledDevice) -> tuple[int, RayBlock] | None:
         """The next piece of what is to be done, of a size for this device."""
         with self._lock:
             if not self._todo:
                 return None
-            replicate, (source, sources, ray, rays) = self._todo.pop()
-            speeds = [m.job.rate_meter.rays_per_second for m in self._members]
-            own = member.job.rate_meter.rays_per_second
+            replicate, block = self._todo.pop()
+            speeds = [m.tracer.rate_meter.rays_per_second for m in self._members]
+            own = member.tracer.rate_meter.rays_per_second
             due = own / sum(speeds) if all(speeds) else 1 / len(speeds)
-            count = max(1, int(sources * due * SHARE), int(own * MIN_SECONDS / rays))
-            if count < sources:
-                self._todo.append((replicate, (source + count, sources - count, ray, rays)))
-            return replicate, (source, min(count, sources), ray, rays)
+            count = max(1, int(block.sources * due * SHARE), int(own * MIN_SECONDS / block.rays))
+            if count < block.sources:
+                rest = block._replace(first_source=block.first_source + count, sources=block.sources - count)
+                self._todo.append((replicate, rest))
+            return replicate, block._replace(sources=min(count, block.sources))
 
     def _lose(self, member: PooledDevice, error: DeviceError) -> None:
         with self._lock:

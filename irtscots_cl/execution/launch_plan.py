@@ -24,6 +24,20 @@ def share_rays(rays_per_pixel: int, replicates: int) -> np.ndarray:
     return rays
 
 
+class RayBlock(NamedTuple):
+    """Consecutive rays of consecutive sources: what one launch traces."""
+
+    first_source: int
+    sources: int
+    first_ray: int
+    rays: int  # of each source
+
+    @property
+    def total(self) -> int:
+        """Rays of all its sources."""
+        return self.sources * self.rays
+
+
 class Cursor(NamedTuple):
     """Where a trace goes on: all before, in the order of plan_launches, is traced.
 
@@ -35,13 +49,13 @@ class Cursor(NamedTuple):
     block_rays: int = 0
     first_source: int = 0
 
-    def after(self, part: tuple[int, int, int, int], sources: int, rays: int) -> Cursor:
-        """The place after a part of this place's replicate, which has so many rays per stream."""
-        first_source, count, first_ray, block_rays = part
-        if first_source + count < sources:
-            return Cursor(self.replicate, first_ray, block_rays, first_source + count)
-        if first_ray + block_rays < rays:
-            return Cursor(self.replicate, first_ray + block_rays)
+    def after(self, block: RayBlock, sources: int, rays: int) -> Cursor:
+        """The cursor after a block of this cursor's replicate, which has `rays` rays for each of its sources."""
+        next_source, next_ray = block.first_source + block.sources, block.first_ray + block.rays
+        if next_source < sources:
+            return Cursor(self.replicate, block.first_ray, block.rays, next_source)
+        if next_ray < rays:
+            return Cursor(self.replicate, next_ray)
         return Cursor(self.replicate + 1)
 
     def rays_before(self, rays: np.ndarray, sources: int) -> int:
@@ -68,8 +82,8 @@ def plan_launches(
     launch_rays: Callable[[], int],
     per_item: int = MAX_RAYS_PER_ITEM,
     start: Cursor = Cursor(),  # noqa: B008  a tuple
-) -> Iterator[tuple[int, int, int, int]]:
-    """Cut streams x rays into launches of about launch_rays() rays: (first stream, streams, first ray, rays).
+) -> Iterator[RayBlock]:
+    """Cut sources x rays into blocks of about launch_rays() rays, one per launch.
 
     Every launch begins at a multiple of per_item, the rays of a work-item: whole blocks. start: in this replicate.
     """
@@ -80,18 +94,17 @@ def plan_launches(
             per_source = min(rays - first_ray, items * per_item)
         while first_source < sources:
             count = min(sources - first_source, max(1, launch_rays() // per_source))
-            yield first_source, count, first_ray, per_source
+            yield RayBlock(first_source, count, first_ray, per_source)
             first_source += count
         first_source, first_ray = 0, first_ray + per_source
 
 
-def cut_part(
-    part: tuple[int, int, int, int], launch_rays: Callable[[], int], per_item: int
-) -> Iterator[tuple[int, int, int, int]]:
-    """Cut a part, as plan_launches gives it, into launches of about launch_rays() rays."""
-    first_source, sources, first_ray, rays = part
-    for source, count, ray, per_source in plan_launches(sources, rays, launch_rays, per_item):
-        yield first_source + source, count, first_ray + ray, per_source
+def cut_block(block: RayBlock, launch_rays: Callable[[], int], per_item: int) -> Iterator[RayBlock]:
+    """Cut a block into launches of about launch_rays() rays."""
+    for piece in plan_launches(block.sources, block.rays, launch_rays, per_item):
+        yield piece._replace(
+            first_source=block.first_source + piece.first_source, first_ray=block.first_ray + piece.first_ray
+        )
 
 
 class RateMeter:

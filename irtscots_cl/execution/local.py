@@ -4,30 +4,33 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from irtscots_cl.execution.device_pool import open_pool
-from irtscots_cl.execution.job import TraceSums, Work
+from irtscots_cl.execution.device_tracer import DeviceTracer
+from irtscots_cl.execution.executor import RunControl, TraceSums
 from irtscots_cl.execution.run_loop import run_rays
+from irtscots_cl.execution.task import TraceTask
 from irtscots_cl.opencl.device import Device, describe_together, merge_descriptions
 
 
 class LocalExecutor:
-    """The devices of this machine that a user chose, as a Site."""
+    """The devices of this machine that a user chose, as an executor.Executor."""
 
     def __init__(self, devices: Sequence[Device]):
         self._devices = tuple(devices)
 
-    def run(self, work: Work, rays: np.ndarray, progress=None, launch_rays=None, kept=None, finished=None) -> TraceSums:
+    def run(self, task: TraceTask, rays: np.ndarray, control: RunControl = RunControl()) -> TraceSums:  # noqa: B008
         started = time.perf_counter()
-        with open_pool(self._devices, work.build) as (job, facts):
+        with open_pool(self._devices, partial(DeviceTracer, task)) as (tracer, describe):
             built = time.perf_counter()
-            sums = run_rays(job, rays, progress, launch_rays, kept, finished)
+            sums = run_rays(tracer, rays, control)
             traced = time.perf_counter()
-            seconds = {"build": built - started, "trace": traced - built, "kernels": job.rate_meter.kernel_seconds}
-            return TraceSums(sums, facts(), seconds)
+            seconds = {"build": built - started, "trace": traced - built, "kernels": tracer.rate_meter.kernel_seconds}
+            return TraceSums(sums, describe(), seconds)
 
     def describe(self) -> dict[str, object]:
         return describe_together([device.describe() for device in self._devices])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from irtscots_cl.execution.dask.cluster import DaskExecutor
-from irtscots_cl.execution.job import Executor
+from irtscots_cl.execution.executor import Executor
 from irtscots_cl.execution.local import LocalExecutor
 from irtscots_cl.opencl.device import Device, select_devices
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.measurement.reconstruction import Reconstruction, reconstruct
 from irtscots_cl.measurement.refinement import refine
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 
 
@@ -40,7 +41,7 @@ def check_measure(name: str, threshold: float = 0.0) -> Measure:
     return how
 
 
-def measure_by(name: str, stack: ImageStack, nominal: Scene, threshold: float = 0.0) -> Reconstruction:
+def measure_by(name: str, stack: ImageStack, nominal: Scene | Setup, threshold: float = 0.0) -> Reconstruction:
     """Measure the surface by the method `name` of MEASURES.
 
     Raises ValueError for an unknown name, and the errors of `reconstruct`.

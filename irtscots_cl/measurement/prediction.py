@@ -19,8 +19,7 @@ from irtscots_cl.measurement.centroids import poisson_error
 from irtscots_cl.measurement.light_profiles import sampling_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.slopes import half_vector_slopes
-from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
-from irtscots_cl.optics.pixel.response import pixel_response
+from irtscots_cl.optics.chief_rays import ChiefRays
 
 NOISE_DRAWS = 32  # maps of random slopes for the predicted height noise; its own error is a few percent
 
@@ -52,7 +51,7 @@ def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
     Ray noise comes from counting statistics of each curve's rays if these are independent, and from the scatter of the
     replicates for other samplers and for lab images. The prediction is NaN if neither is available.
     """
-    chief = chief_rays(result.nominal)
+    chief = result.setup.chief_rays
     scale = _slope_per_mm(chief, result)
     mask, noise, bias = result.mask, [], []
     for k, scan in enumerate((stack.x, stack.y)):
@@ -79,7 +78,7 @@ def _line_sampling(result: Reconstruction, scan: Scan) -> np.ndarray:
     left = np.where(result.mask, 0.0, np.nan)
     if result.light_curve != "centroid" or result.updates_nm:
         return left
-    light, axis = pixel_response(result.nominal), "xy".index(scan.axis)
+    light, axis = result.setup.pixel_response, "xy".index(scan.axis)
     centroid = (result.centroid_x_mm, result.centroid_y_mm)[axis].ravel()[light.pixels]
     left.ravel()[light.pixels] += np.nan_to_num(sampling_error(scan.positions_mm, light, "uv"[axis], centroid))
     return left

@@ -14,8 +14,8 @@ from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_curves import Flag, flag_curves
 from irtscots_cl.measurement.light_profiles import profile_centroids
 from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
-from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
-from irtscots_cl.optics.pixel.response import pixel_response
+from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 
 MIN_PIXELS = 4  # to separate piston, tilt and power
@@ -35,7 +35,7 @@ class Reconstruction:
     maps with one replicate left out in turn, for error bars.
     """
 
-    nominal: Scene
+    setup: Setup = field(repr=False)
     light_curve: str
     method: str
     pixel_average: bool
@@ -54,6 +54,11 @@ class Reconstruction:
     jackknife_slope_y: np.ndarray = field(repr=False)
     jackknife_deviation_mm: np.ndarray = field(repr=False)
     updates_nm: tuple[float, ...] = ()
+
+    @property
+    def nominal(self) -> Scene:
+        """The design scene."""
+        return self.setup.scene
 
     @property
     def pixels_used(self) -> int:
@@ -76,7 +81,7 @@ class Reconstruction:
 
 def reconstruct(
     stack: ImageStack,
-    nominal: Scene,
+    nominal: Scene | Setup,
     *,
     light_curve: str = "centroid",
     method: str = "southwell",
@@ -86,7 +91,8 @@ def reconstruct(
 ) -> Reconstruction:
     """Measure the surface from line-scan images and the design scene only.
 
-    nominal: the scene without deviation (scene.nominal()). light_curve: "centroid" uses the light curves' centroids
+    nominal: the scene without deviation (scene.nominal()), or a Setup of it.
+    light_curve: "centroid" uses the light curves' centroids
     (paper, Eq. 4), "chord" corrects them by the profile from the design (light_profiles.py). method: of
     integrate_slopes. pixel_average: true to use the measured slopes, which are means over the pixels; false to convert
     them to the pixels' centres (slopes.deconvolve_pixel). min_coverage: smallest share of a pixel's footprint that must
@@ -96,40 +102,41 @@ def reconstruct(
     """
     if light_curve not in LIGHT_CURVES:
         raise ValueError(f"light_curve = {light_curve!r}: must be one of {', '.join(LIGHT_CURVES)}")
-    chief = chief_rays(nominal)
+    setup = Setup.of(nominal)
+    chief = setup.chief_rays
     _check_fits(stack, chief)
-    centroid_x, flag_x = _measured(chief, stack.x, light_curve, threshold)
-    centroid_y, flag_y = _measured(chief, stack.y, light_curve, threshold)
+    centroid_x, flag_x = _measured(setup, stack.x, light_curve, threshold)
+    centroid_y, flag_y = _measured(setup, stack.y, light_curve, threshold)
     flags = np.maximum(flag_x, flag_y)
     on_mirror = chief.footprint.coverage >= min_coverage
     # if one replicate has all the light, leaving it out leaves none
     flags[(flags == Flag.GOOD) & ~np.isfinite(centroid_x + centroid_y).all(0)] = Flag.EMPTY
     mask = on_mirror & (flags == Flag.GOOD)
-    _check_enough(nominal.name, on_mirror, mask, flags)
-    x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(chief))
+    _check_enough(setup.scene.name, on_mirror, mask, flags)
+    x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(setup))
     slope_x, slope_y, deviation = _surface(
         chief, (x_mm, y_mm), (u_mm, v_mm), mask, (centroid_x, centroid_y), method, pixel_average
     )
     design = chief.surface.sag(x_mm, y_mm)
     return Reconstruction(
-        nominal,
-        light_curve,
-        method,
-        pixel_average,
-        x_mm,
-        y_mm,
-        on_mirror,
-        mask,
-        flags,
-        np.where(mask, centroid_x[0], np.nan),
-        np.where(mask, centroid_y[0], np.nan),
-        slope_x[0],
-        slope_y[0],
-        design + deviation[0],
-        deviation[0],
-        slope_x[1:],
-        slope_y[1:],
-        deviation[1:],
+        setup=setup,
+        light_curve=light_curve,
+        method=method,
+        pixel_average=pixel_average,
+        x_mm=x_mm,
+        y_mm=y_mm,
+        on_mirror=on_mirror,
+        mask=mask,
+        flags=flags,
+        centroid_x_mm=np.where(mask, centroid_x[0], np.nan),
+        centroid_y_mm=np.where(mask, centroid_y[0], np.nan),
+        slope_x=slope_x[0],
+        slope_y=slope_y[0],
+        height_mm=design + deviation[0],
+        deviation_mm=deviation[0],
+        jackknife_slope_x=slope_x[1:],
+        jackknife_slope_y=slope_y[1:],
+        jackknife_deviation_mm=deviation[1:],
     )
 
 
@@ -159,28 +166,28 @@ def _check_enough(name: str, on_mirror: np.ndarray, mask: np.ndarray, flags: np.
 
 
 def _measured(
-    chief: ChiefRays, scan: Scan, light_curve: str, threshold: float
+    setup: Setup, scan: Scan, light_curve: str, threshold: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Centroids [1 + replicates, rows, columns] in mm, NaN where there is none, and flags [rows, columns]."""
     curves = scan.jackknife_w()
     on_grid = np.full((len(curves), scan.shape[0] * scan.shape[1]), np.nan)
     found = centroids(scan, curves, threshold)
     if light_curve == "chord":  # one shift for all replicates: it varies by percents only
-        found = found + (profile_centroids(scan, pixel_response(chief.scene), found[0], threshold) - found[0])
+        found = found + (profile_centroids(scan, setup.pixel_response, found[0], threshold) - found[0])
     on_grid[:, scan.pixels] = found
-    half_width, box_row, box_column = chief.light_shape("xy".index(scan.axis))
+    half_width, box_row, box_column = setup.chief_rays.light_shape("xy".index(scan.axis))
     reach = (half_width + (box_row + box_column) / 2).ravel()[scan.pixels]
     flags = np.full(on_grid.shape[1], Flag.EMPTY)
     flags[scan.pixels] = flag_curves(scan, curves[0], on_grid[0, scan.pixels], reach)
     return on_grid.reshape(-1, *scan.shape), flags.reshape(scan.shape)
 
 
-def design_points(chief: ChiefRays) -> list[np.ndarray]:
-    """Mirror point x, y and screen point u, v [rows, columns] in mm of each pixel's light, for the design mirror.
+def design_points(setup: Setup) -> list[np.ndarray]:
+    """Mirror point x, y and screen point u, v [rows, columns] in mm of each pixel's light, were the mirror the design.
 
     They come from the closed form of the light, or from the mean of the chief rays for pixels without a closed form.
     """
-    light, footprint = pixel_response(chief.scene), chief.footprint
+    light, footprint = setup.pixel_response, setup.chief_rays.footprint
     points = [v.copy() for v in (footprint.x_mm, footprint.y_mm, footprint.u_mm, footprint.v_mm)]
     means = light.means("xyuv")
     use = light.valid() & np.isfinite(means).all(0)

@@ -22,7 +22,7 @@ from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_profiles import sampled_centroids
 from irtscots_cl.measurement.reconstruction import Reconstruction, triangulated
 from irtscots_cl.measurement.slopes import deconvolve_pixel
-from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
@@ -108,7 +108,7 @@ def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray) -> Recons
     deviation = surface.deviation_at(result.x_mm, result.y_mm)[0] + differ
     deviation = deviation - np.nanmean(deviation, axis=(1, 2), keepdims=True)
     slopes = [gradient + e for gradient, e in zip(own, extra, strict=True)]
-    design = chief_rays(result.nominal).surface.sag(result.x_mm, result.y_mm)
+    design = result.setup.chief_rays.surface.sag(result.x_mm, result.y_mm)
     return dataclasses.replace(
         result,
         slope_x=slopes[0][0],

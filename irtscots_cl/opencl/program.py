@@ -7,6 +7,7 @@ after a #line directive, so that compiler messages name the right file and line.
 
 from __future__ import annotations
 
+import hashlib
 import re
 import tempfile
 from dataclasses import dataclass
@@ -45,6 +46,14 @@ class Source:
     options: tuple[str, ...]
     files: tuple[str, ...]
     precision: str
+
+    @property
+    def digest(self) -> str:
+        """32 hexadecimal digits that tell this source and its options from others."""
+        digest = hashlib.blake2b(digest_size=16)
+        for text in (self.text, *self.options):
+            digest.update(len(text).to_bytes(8, "little") + text.encode())
+        return digest.hexdigest()
 
 
 def compose(

@@ -8,13 +8,11 @@ same weight: every ellipse aimed at the camera has the same share of the area of
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from irtscots_cl.maths.frame import Frame
-from irtscots_cl.optics.chief_rays import RIM, ChiefRays, chief_rays
-from irtscots_cl.scene.model import Scene
+from irtscots_cl.optics.chief_rays import RIM, ChiefRays
 
 RIM_POINTS = 32  # of the mirror, to fit its ellipse
 MARGIN = 1e-4  # of the mirror's ellipse, because the rim between the rim points is not an exact ellipse
@@ -48,10 +46,9 @@ class Aim:
         return _radius_in_ellipse(self.root, self.centre, pixel, cosines) <= 1.0
 
 
-@lru_cache(maxsize=4)
-def mirror_aim(scene: Scene) -> Aim:
+def find_mirror_aim(chief: ChiefRays) -> Aim:
     """The smallest ellipses that cover the mirror from every point of the screen pixel."""
-    chief = chief_rays(scene)
+    scene = chief.scene
     frame, surface, pitch = chief.screen_frame, chief.surface, scene.screen.pitch_mm
     x, y = pixel_centres(chief)
     angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
@@ -74,14 +71,12 @@ def _covering(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch
     return centre, _widened(root * (reach * (1 + MARGIN))[:, None, None], pitch * np.sqrt(0.5) / distance.min((1, 2)))
 
 
-@lru_cache(maxsize=4)
-def camera_aim(scene: Scene) -> Aim:
+def find_camera_aim(chief: ChiefRays, whole: Aim) -> Aim:
     """Ellipses of equal shares of the mirror's that hold every direction in which light reaches the camera.
 
-    They come from the chief rays and are checked with rays through the whole aperture. If the camera sees nearly all of
-    the mirror lit by some screen pixel, this is the mirror's aim.
+    whole: the aim of find_mirror_aim, returned where the camera sees nearly all of the mirror lit by one screen pixel.
+    The ellipses hold what the chief rays say, and are checked with rays from all over the aperture.
     """
-    chief, whole = chief_rays(scene), mirror_aim(scene)
     slack = SLACK
     while slack <= MAX_SLACK:
         aim = _around_footprints(chief, whole, slack)

@@ -7,7 +7,7 @@ All maps have the detector's shape [rows, columns]; coordinates in mm.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
@@ -172,9 +172,8 @@ class ChiefRays:
         return half_width, np.abs(along_row), np.abs(along_column)
 
 
-@lru_cache(maxsize=4)
-def chief_rays(scene: Scene) -> ChiefRays:
-    """The chief rays of a scene. Calls with the same scene share one result: its maps are computed once.
+def trace_chief_rays(scene: Scene) -> ChiefRays:
+    """The chief rays of a scene's detector pixels.
 
     Raises ValueError if the memory cannot hold maps of so many detector pixels.
     """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -32,7 +31,6 @@ class Windows:
         return of_screen[row, column]
 
 
-@lru_cache(maxsize=8)
 def place_windows(chief: ChiefRays, margin: int) -> Windows:
     """Windows of equal size around the chief rays' landing ranges, widened by margin pixels, inside the screen."""
     pixels = np.flatnonzero(chief.sees_mirror)

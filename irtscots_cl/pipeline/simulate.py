@@ -16,6 +16,7 @@ from irtscots_cl.measurement.methods import measure_by
 from irtscots_cl.measurement.prediction import predict_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.opencl.device import Device
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.report.facts import build_report
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.results.paths import PathLight
@@ -37,7 +38,7 @@ class Run:
 
 
 def simulate(
-    scene: Scene,
+    scene: Scene | Setup,
     *,
     measure: str = "paper",
     parts: bool = False,
@@ -48,21 +49,21 @@ def simulate(
 ) -> Run:
     """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
 
-    measure: a name of measures.MEASURES. parts: also separate the height error into its parts; rounding is told apart
-    on the first device, not with a client. device, client: as of `trace`. trace_options: estimator, sampler, precision,
-    rays_per_pixel, replicates, seed, aim, overfill, smoothing, keeper, finished of `trace`. Raises as `trace` and
-    `measure_by` do.
+    scene: a scene, or a Setup of it. measure: a name of methods.MEASURES. parts: also separate the height error into
+    its terms; float rounding is separated on the first device, not with a client. device, client, progress,
+    trace_options: as of `trace`. Raises as `trace` and `measure_by` do.
     """
     started = time.perf_counter()
-    transport = trace(scene, device=device, client=client, progress=progress, **trace_options)
+    setup = Setup.of(scene)
+    scene = setup.scene
+    transport = trace(setup, device=device, client=client, progress=progress, **trace_options)
     traced = time.perf_counter()
     stack = transport.images(LineScan(scene))
-    result = measure_by(measure, stack, scene.nominal())
+    result = measure_by(measure, stack, setup.nominal)
     measured = time.perf_counter()
     comparison, predicted = compare(result, scene), predict_error(result, stack)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
-    first = device if device is None or isinstance(device, Device) else device[0]
-    separated = error_terms(result, scene, measure, transport.options, first) if parts else ()
+    separated = error_terms(result, setup, measure, transport.options, device) if parts else ()
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
     return Run(transport, stack, result, comparison, separated, report)
 

@@ -10,7 +10,6 @@ import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.measurement.methods import MEASURES, measure_by
 from irtscots_cl.measurement.prediction import predict_error
 from irtscots_cl.opencl.device import Device
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.simulate import Run, simulate
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import ANALYTIC, ESTIMATORS, TraceOptions
@@ -69,7 +69,7 @@ def check_target(target_nm: float, estimator: str) -> None:
         raise ValueError(f"--target-nm: --estimator = {estimator!r}: must be one of {', '.join(ESTIMATORS)}")
 
 
-def plan(scene: Scene, target_nm: float, device: Device, **fixed) -> list[Setting]:
+def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed) -> list[Setting]:
     """Settings that are predicted to meet the target, the cheapest first.
 
     fixed: estimator, sampler, precision, smoothing, measure where the choice is not free. Raises ValueError if none
@@ -77,13 +77,15 @@ def plan(scene: Scene, target_nm: float, device: Device, **fixed) -> list[Settin
     """
     check_target(target_nm, fixed.get("estimator", "adjoint"))
     measures = [fixed["measure"]] if "measure" in fixed else list(MEASURES)
-    pilots = [(way, _pilot(scene, device, way, measures)) for way in _ways(device, fixed)]
+    setup = Setup.of(scene)
+    noise_free, scene = _noise_free(setup), setup.scene
+    pilots = [(way, _pilot(setup, device, way, measures)) for way in _ways(device, fixed)]
     found: list[Setting] = []
     usable: list[Setting] = []
     for name in measures:
         if MEASURES[name].rounds and usable and usable[0].seconds < CHEAP_SECONDS:
             continue
-        floor_nm, seconds = _floor(scene, name)
+        floor_nm, seconds = _floor(setup, noise_free, name)
         found += [_setting(way, name, noise, floor_nm, seconds, target_nm) for way, noise in pilots]
         usable = sorted((s for s in found if s.rays_per_pixel <= MAX_RAYS), key=lambda s: s.seconds)
     if not usable:
@@ -104,31 +106,29 @@ def _ways(device: Device, fixed: dict) -> list[TraceOptions]:
     return [TraceOptions(estimator, sampler, precision, smoothing=smoothing) for precision in precisions]
 
 
-@lru_cache(maxsize=1)
-def _noise_free(scene: Scene) -> ImageStack:
+def _noise_free(setup: Setup) -> ImageStack:
     """Images in closed form, the same for all measures."""
-    return trace(scene, estimator=ANALYTIC).images(LineScan(scene))
+    return trace(setup, estimator=ANALYTIC).images(LineScan(setup.scene))
 
 
-def _floor(scene: Scene, measure: str) -> tuple[float, float]:
+def _floor(setup: Setup, stack: ImageStack, measure: str) -> tuple[float, float]:
     """Height error in nm of a measure on images without noise, and its seconds."""
-    stack = _noise_free(scene)
     started = time.perf_counter()
-    result = measure_by(measure, stack, scene.nominal())
+    result = measure_by(measure, stack, setup.nominal)
     seconds = time.perf_counter() - started
-    return compare(result, scene).height_error_nm["piston_tilt"].value, seconds
+    return compare(result, setup.scene).height_error_nm["piston_tilt"].value, seconds
 
 
-def _pilot(scene: Scene, device: Device, way: TraceOptions, measures: list[str]) -> _Noise:
+def _pilot(setup: Setup, device: Device, way: TraceOptions, measures: list[str]) -> _Noise:
     """Two small runs: the noise that the larger one has under each measure, and how it fell from the smaller."""
     simple = {name: "fine" if name == "refined" else name for name in measures}  # refinement leaves noise as it is
     few, many = PILOT_RAYS[way.estimator]
     heights = []
     for rays in (few, many):
-        run = trace(scene, device=device, estimator=way.estimator, sampler=way.sampler, precision=way.precision,
+        run = trace(setup, device=device, estimator=way.estimator, sampler=way.sampler, precision=way.precision,
                     smoothing=way.smoothing, rays_per_pixel=rays, replicates=REPLICATES)  # fmt: skip
-        stack = run.images(LineScan(scene))
-        results = {name: measure_by(name, stack, scene.nominal()) for name in dict.fromkeys(simple.values())}
+        stack = run.images(LineScan(setup.scene))
+        results = {name: measure_by(name, stack, setup.nominal) for name in dict.fromkeys(simple.values())}
         heights.append({name: predict_error(r, stack).ray_noise_height_mm * 1e6 for name, r in results.items()})
     any_measure = next(iter(results))
     fell = np.log(heights[1][any_measure] / heights[0][any_measure]) / np.log(many / few)
@@ -136,7 +136,7 @@ def _pilot(scene: Scene, device: Device, way: TraceOptions, measures: list[str])
         many,
         {name: heights[1][simple[name]] for name in measures},
         float(np.clip(fell, *EXPONENTS)),
-        rounding_height_nm(results[any_measure], scene, way, device),
+        rounding_height_nm(results[any_measure], setup, way, device),
         run.seconds["trace"] / many,
     )
 
@@ -155,7 +155,7 @@ def _setting(way: TraceOptions, measure: str, noise: _Noise, floor_nm: float, se
 
 
 def run_to_target(
-    scene: Scene,
+    scene: Scene | Setup,
     target_nm: float,
     *,
     device: Device,
@@ -168,10 +168,11 @@ def run_to_target(
 
     fixed: see `plan`. The run's report says under "target" what was wanted, predicted and reached.
     """
-    chosen = plan(scene, target_nm, device, **fixed)[0]
+    setup = Setup.of(scene)
+    chosen = plan(setup, target_nm, device, **fixed)[0]
     for attempt in range(1 + RERUNS):
         run = simulate(
-            scene, device=device, seed=seed, parts=parts, progress=progress, replicates=REPLICATES,
+            setup, device=device, seed=seed, parts=parts, progress=progress, replicates=REPLICATES,
             estimator=chosen.estimator, sampler=chosen.sampler, precision=chosen.precision,
             smoothing=chosen.smoothing, measure=chosen.measure, rays_per_pixel=chosen.rays_per_pixel,
         )  # fmt: skip

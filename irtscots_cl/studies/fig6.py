@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from irtscots_cl.measurement.centroids import centroids
-from irtscots_cl.optics.pixel.response import pixel_response
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
@@ -53,7 +53,7 @@ def _centroids(stack, axis: str) -> np.ndarray:
 
 
 def _true_centroid(scene: Scene) -> tuple[float, float]:
-    light = pixel_response(scene)
+    light = Setup(scene).pixel_response
     u, v = light.means("uv")[:, np.searchsorted(light.pixels, CENTRE)]
     return float(u), float(v)
 

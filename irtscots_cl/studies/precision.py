@@ -7,7 +7,7 @@ import numpy as np
 from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.measurement.centroids import centroids, poisson_error
-from irtscots_cl.optics.chief_rays import chief_rays
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.traces import RUNS, SharedTrace, SharedTraces, describe
 from irtscots_cl.studies.verdicts import StudyResult, VerdictRow, row
@@ -33,7 +33,7 @@ def study(traces: SharedTraces) -> StudyResult:
 
 def _rows(runs: SharedTrace, rays: int) -> list[VerdictRow]:
     scan = runs.stack.x
-    inner = chief_rays(load_scene("sphere")).footprint.coverage.ravel()[scan.pixels] >= WHOLE
+    inner = Setup(load_scene("sphere")).chief_rays.footprint.coverage.ravel()[scan.pixels] >= WHOLE
     scatter = centroids(scan, scan.flux_w)[:, inner].var(0, ddof=1)
     measured = float(np.sqrt(np.nanmean(scatter)))
     freedom = (RUNS - 1) * int(np.isfinite(scatter).sum())

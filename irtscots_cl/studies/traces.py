@@ -12,7 +12,7 @@ from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.opencl.device import Device
-from irtscots_cl.optics.aim import camera_aim
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.trace import trace
@@ -73,7 +73,7 @@ class SharedTraces:
         Rays leave only towards the part of the mirror that the camera sees (optics/aim.py). Each has the weight of a
         ray of `full`.
         """
-        return self._trace(name, RUNS * rays, "camera", camera_aim(load_scene(name)).share)
+        return self._trace(name, RUNS * rays, "camera", Setup(load_scene(name)).camera_aim.share)
 
     def _trace(self, name: str, rays: int, aim: str, share: float) -> SharedTrace:
         key = (name, rays, aim)

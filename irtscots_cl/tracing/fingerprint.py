@@ -13,7 +13,7 @@ from irtscots_cl.tracing.options import TraceOptions
 
 
 def trace_fingerprint(
-    scene: Scene, options: TraceOptions, rays: np.ndarray, device_identity: dict[str, str], **more: int | float
+    scene: Scene, options: TraceOptions, rays: np.ndarray, device_identity: dict[str, str]
 ) -> Fingerprint:
     """What a trace of rays [replicates] per stream depends on, as far as it is known before its kernel is built.
 
@@ -21,4 +21,4 @@ def trace_fingerprint(
     """
     facts = {"scene": hash_of(scene.to_toml().encode())} | asdict(options)
     numbers = {"rays_per_pixel": int(rays.sum()), "replicates": len(rays)}
-    return facts | more | numbers | {**device_identity, "version": package_version()}
+    return facts | numbers | {**device_identity, "version": package_version()}

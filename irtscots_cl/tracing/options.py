@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from irtscots_cl.opencl.structs import PRECISIONS
 from irtscots_cl.scene.model import Scene
@@ -12,7 +12,10 @@ ESTIMATORS = ("forward", "adjoint")  # that trace rays on a device
 AIMS = ("mirror", "camera")  # of the forward estimator
 ANALYTIC = "analytic"  # the one that does not
 NONSEQUENTIAL = "nonsequential"  # from element to element in any order, by path
-BRANCHES = ("roulette", "both")  # of a ray at an interface: one by chance, or both
+BRANCHES = ("random", "split")  # of a ray at an interface: one of them, chosen at random, or both
+EARLIER_BRANCHES = {"roulette": "random", "both": "split"}  # names that go on working
+MAX_EVENTS = 10  # of a path
+MIN_CHANCE = 0.1  # of either branch at an interface
 MAX_SMOOTHED_RAYS = 2**32  # per pixel and replicate: a sum of so many 32-bit amounts stays below 2^63
 
 
@@ -25,6 +28,12 @@ class TraceOptions:
     angle of the emission over the least that covers what it is aimed at. smoothing: adjoint only,
     every ray stands for its whole chord through the camera's aperture (kernels/entry/trace_lines.cl); a central hole
     must be wider than the aperture's blur on the mirror, or its rim is told only roughly.
+
+    Of the non-sequential estimator alone: bounce_limit: events after which a ray is given up (and counted).
+    least_chance: probability with which a ray is reflected or refracted at an interface, however small that share of
+    its light is; its weight makes up for it. branches: "random" follows one of them, "split" both, as long as the
+    weaker one weighs a thousandth of a ray and there is room for more rays. aimed_scatter: scattered rays are also
+    aimed at the camera (components.targets_of); without, only what finds it at random counts.
     """
 
     estimator: str = "adjoint"
@@ -34,13 +43,19 @@ class TraceOptions:
     aim: str = "mirror"
     overfill: float = 1.0
     smoothing: bool = False
+    bounce_limit: int = MAX_EVENTS
+    least_chance: float = MIN_CHANCE
+    branches: str = "random"
+    aimed_scatter: bool = True
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "branches", EARLIER_BRANCHES.get(self.branches, self.branches))
         for option, value, allowed in (
             ("estimator", self.estimator, (*ESTIMATORS, ANALYTIC, NONSEQUENTIAL)),
             ("sampler", self.sampler, SAMPLERS),
             ("precision", self.precision, tuple(PRECISIONS)),
             ("aim", self.aim, AIMS),
+            ("branches", self.branches, BRANCHES),
         ):
             if value not in allowed:
                 raise ValueError(f"--{option} = {value!r}: must be one of {', '.join(allowed)}")
@@ -52,6 +67,22 @@ class TraceOptions:
             raise ValueError(f"--aim {self.aim}: must go with --estimator forward, not {self.estimator}")
         if self.smoothing and self.estimator != "adjoint":
             raise ValueError(f"--smoothing: must go with --estimator adjoint, not {self.estimator}")
+        if not 1 <= self.bounce_limit <= MAX_EVENTS:
+            raise ValueError(f"--bounce-limit = {self.bounce_limit}: must be 1 to {MAX_EVENTS}")
+        if not 0 <= self.least_chance <= 0.5:
+            raise ValueError(f"--least-chance = {self.least_chance}: must be 0 to 0.5")
+        for name, default in PATH_OPTIONS.items():
+            if self.estimator != NONSEQUENTIAL and getattr(self, name) != default:
+                option = f"--{name.replace('_', '-')} = {getattr(self, name)}"
+                raise ValueError(f"{option}: must go with --estimator {NONSEQUENTIAL}, not {self.estimator}")
+
+
+# What only the non-sequential estimator has a choice of, with the defaults.
+PATH_OPTIONS = {
+    field.name: field.default
+    for field in fields(TraceOptions)
+    if field.name in ("bounce_limit", "least_chance", "branches", "aimed_scatter")
+}
 
 
 def check_sequential(scene: Scene, estimator: str) -> None:

@@ -11,14 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tracers import totals, tracer_of
 
 from irtscots_cl import cli
 from irtscots_cl.bench import figures, scaling, suite, tables, throughput
 from irtscots_cl.opencl.structs import Fate
-from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.scene.presets import load_scene, sequential_presets
 from irtscots_cl.system.atomic_files import plain
-from irtscots_cl.tracing.estimators.sequential import Tracer
 from irtscots_cl.tracing.options import ESTIMATORS, TraceOptions
 from irtscots_cl.tracing.samplers import SAMPLERS
 
@@ -146,9 +145,9 @@ def test_the_command_writes_what_it_prints(device, short, capsys, tmp_path, monk
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_without_accumulation_rays_fare_alike(device, estimator):
     """The limit's kernel traces the same rays: only where they are stored is left out."""
-    chief, options = chief_rays(load_scene("sphere")), TraceOptions(estimator)
+    scene, options = load_scene("sphere"), TraceOptions(estimator)
     stored, left_out = (
-        Tracer(chief, device, options, accumulate=kind).run(np.array([64])) for kind in ("atomic", "none")
+        totals(tracer_of(scene, device, options, accumulate=kind), np.array([64])) for kind in ("atomic", "none")
     )
     assert stored[0].sum() > 0 and left_out[0].sum() == 0
     if estimator == "forward":  # an adjoint ray's fate is one of its bins
@@ -159,7 +158,7 @@ def test_without_accumulation_rays_fare_alike(device, estimator):
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_throughput_counts_the_rays_it_launched(device, estimator):
-    tracer = Tracer(chief_rays(load_scene("sphere")), device, TraceOptions(estimator))
+    tracer = tracer_of(load_scene("sphere"), device, TraceOptions(estimator))
     launched = []
     launch = tracer.launch
     tracer.launch = lambda replicate, part: launched.append(part) or launch(replicate, part)

@@ -39,7 +39,7 @@ def irtscots(irtscots, tmp_path, monkeypatch):
 
 @pytest.fixture
 def small_launches(monkeypatch):
-    monkeypatch.setattr("irtscots_cl.execution.run_loop._pace", lambda *_: lambda: 2**14)
+    monkeypatch.setattr("irtscots_cl.execution.run_loop._launch_size", lambda *_: lambda: 2**14)
 
 
 @pytest.fixture
@@ -109,20 +109,20 @@ def test_an_interrupt_before_the_first_ray_leaves_nothing(irtscots, monkeypatch)
 
 
 def test_an_interrupt_after_the_last_ray_keeps_what_was_saved(irtscots, monkeypatch, small_launches):
-    monkeypatch.setattr(checkpoint, "LEAST_SECONDS", 0.0)
+    monkeypatch.setattr(checkpoint, "MIN_SECONDS", 0.0)
     monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)
     with monkeypatch.context() as patch:
         patch.setattr("irtscots_cl.pipeline.output.write_run", lambda *_: os.kill(os.getpid(), signal.SIGINT))
         refused(irtscots("run", "./mine.toml", *RUN, "--out", "cut"), "interrupted; go on with --resume", code=4)
     launched = []
-    launch = "irtscots_cl.tracing.estimators.sequential.Tracer.launch"
+    launch = "irtscots_cl.execution.device_tracer.DeviceTracer.launch"
     monkeypatch.setattr(launch, lambda *given: launched.append(given))
     assert irtscots("run", "./mine.toml", *RUN, "--out", "cut", "--resume")[0] == 0
     assert [part[3] for _, _, part in launched] == [0]  # that of no rays, when the tracer is made
 
 
 def test_a_run_whose_device_is_lost_goes_on(irtscots, monkeypatch, after_launches, tmp_path):
-    monkeypatch.setattr(checkpoint, "LEAST_SECONDS", 0.0)
+    monkeypatch.setattr(checkpoint, "MIN_SECONDS", 0.0)
     monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)
 
     def lose():
@@ -175,7 +175,7 @@ def test_a_checkpoint_of_another_device_or_version_is_refused(irtscots, after_la
             )
             refused(irtscots(*resume), f"of another run: {name} = ", f"here {value}")
     with monkeypatch.context() as patch:
-        patch.setattr("irtscots_cl.tracing.estimators.sequential.hash_of", lambda *_: "0" * 32)
+        patch.setattr("irtscots_cl.opencl.program.Source.digest", "0" * 32)
         refused(irtscots(*resume), "of another run: other code")
 
 
@@ -230,9 +230,9 @@ def test_a_study_is_gone_on_with(irtscots, monkeypatch):
     monkeypatch.setattr("irtscots_cl.studies.fig4.RUNS", 2)  # first: it is imported here, with the true number
     monkeypatch.setattr("irtscots_cl.studies.traces.PAPER_RAYS", (400, 900, 1600))
     monkeypatch.setattr("irtscots_cl.studies.traces.RUNS", 2)
-    monkeypatch.setattr(checkpoint, "LEAST_SECONDS", 0.0)
+    monkeypatch.setattr(checkpoint, "MIN_SECONDS", 0.0)
     monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)
-    monkeypatch.setattr("irtscots_cl.execution.run_loop._pace", lambda *_: lambda: 2**20)
+    monkeypatch.setattr("irtscots_cl.execution.run_loop._launch_size", lambda *_: lambda: 2**20)
     traced = []
 
     def stop(self, done, total):

@@ -21,6 +21,7 @@ from counting_job import PER_ITEM, RAYS, SOURCES, CountingJob, same
 from irtscots_cl.execution import checkpoint
 from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
 from irtscots_cl.execution.checkpoint_file import DIGEST_BYTES, FORMAT, MAX_HEADER_BYTES, digest_hash, hash_of, new_path
+from irtscots_cl.execution.executor import RunControl
 from irtscots_cl.execution.launch_plan import Cursor
 from irtscots_cl.execution.local import LocalExecutor
 from irtscots_cl.execution.run_loop import run_rays
@@ -35,7 +36,7 @@ EXPECTED = run_rays(CountingJob(), RAYS)
 @pytest.fixture
 def eager(monkeypatch):
     """A save after every launch."""
-    monkeypatch.setattr(checkpoint, "LEAST_SECONDS", 0.0)
+    monkeypatch.setattr(checkpoint, "MIN_SECONDS", 0.0)
     monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)
 
 
@@ -47,7 +48,7 @@ def run(keeper, job=None, facts=FACTS, stop_after=None, rays=RAYS):
         seen.append(numbers)
         keeper.stop = len(seen) == stop_after
 
-    return run_rays(job or CountingJob(), rays, progress, 20, keeper.file_of(facts))
+    return run_rays(job or CountingJob(), rays, RunControl(progress, None, keeper.file_of(facts), 20))
 
 
 def interrupted(path, stop_after=5, **more) -> bytes:
@@ -86,7 +87,7 @@ def joined(text: bytes, arrays: bytes) -> bytes:
 def test_a_file_holds_the_replicates_that_were_begun(tmp_path):
     header, arrays = split(interrupted(tmp_path / "kept", 5))
     assert header["place"] == [1, 4, 0, 0]
-    assert header["facts"] == FACTS | CountingJob().facts | {"byte_order": sys.byteorder}
+    assert header["facts"] == FACTS | CountingJob().fingerprint | {"byte_order": sys.byteorder}
     assert len(arrays) == 8 * 2 * (SOURCES + 3)  # two replicates of each array
     assert joined(json.dumps(header).encode(), arrays) == (tmp_path / "kept").read_bytes()
 
@@ -167,7 +168,7 @@ def test_a_limit_of_time_ends_a_trace_with_its_sums_saved(tmp_path):
 
 def test_a_trace_that_is_through_is_not_ended_by_its_limit_of_time(tmp_path):
     keeper = Checkpoints(tmp_path / "kept", max_seconds=1e-9)
-    found = run_rays(CountingJob(), RAYS[:1], None, 1000, keeper.file_of(FACTS))
+    found = run_rays(CountingJob(), RAYS[:1], RunControl(None, None, keeper.file_of(FACTS), 1000))
     assert same(found, [array[:1] for array in EXPECTED])
 
 
@@ -188,7 +189,7 @@ def test_a_trace_that_is_through_is_not_ended_by_its_limit_of_time(tmp_path):
 )
 def test_a_file_of_another_run_is_refused_by_what_differs(tmp_path, job, facts, words):
     path, other = tmp_path / "kept", CountingJob()
-    other.facts = other.facts | job
+    other.fingerprint = other.fingerprint | job
     interrupted(path, job=other, facts=FACTS | facts)
     assert words in refusal(path)
 
@@ -319,9 +320,9 @@ def test_a_margin_from_a_file_is_one_that_windows_can_have(tmp_path):
     for margin in (2, 8, 3, 10**9, -1, True, "2", None):
         text = json.dumps(header | {"facts": header["facts"] | {"margin": margin}}).encode()
         path.write_bytes(joined(text, arrays))
-        found.append(Checkpoints(path, resume=True).file_of(FACTS).margin())
+        found.append(Checkpoints(path, resume=True).file_of(FACTS).saved("margin", (1, 2, 4, 8)))
     assert found == [2, 8, 1, 1, 1, 1, 1, 1]
-    assert Checkpoints(path).file_of(FACTS).margin() == 1
+    assert Checkpoints(path).file_of(FACTS).saved("margin", (1, 2, 4, 8)) == 1
 
 
 # --- disks -------------------------------------------------------------------------------------------------

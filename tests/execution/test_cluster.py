@@ -24,11 +24,13 @@ from irtscots_cl.execution.dask import cluster, tasks  # noqa: E402
 from irtscots_cl.execution.dask import run as dask_run  # noqa: E402
 from irtscots_cl.execution.dask.cluster import DaskExecutor, connect  # noqa: E402
 from irtscots_cl.execution.dask.run import MIN_TASK_SECONDS, TASK_SECONDS, ClusterRun  # noqa: E402
-from irtscots_cl.execution.dask.tasks import CodeError, WorkerError, add_up, trace_part  # noqa: E402
+from irtscots_cl.execution.dask.tasks import CodeError, WorkerError, add_up, trace_block  # noqa: E402
+from irtscots_cl.execution.executor import RunControl  # noqa: E402
 from irtscots_cl.opencl.device import DeviceError  # noqa: E402
+from irtscots_cl.optics.setup import Setup  # noqa: E402
 from irtscots_cl.pipeline.simulate import simulate  # noqa: E402
 from irtscots_cl.system.atomic_files import plain  # noqa: E402
-from irtscots_cl.tracing.estimators.sequential import TraceWork  # noqa: E402
+from irtscots_cl.tracing.estimators.sequential import SequentialTask  # noqa: E402
 from irtscots_cl.tracing.options import TraceOptions  # noqa: E402
 from irtscots_cl.tracing.trace import trace  # noqa: E402
 
@@ -82,9 +84,9 @@ def addresses(client):
 
 def break_device(after):
     """Every launch but the first `after` fails."""
-    from irtscots_cl.tracing.estimators import sequential as tracer
+    from irtscots_cl.execution.device_tracer import DeviceTracer
 
-    whole, count = tracer.Tracer.launch, [0]
+    whole, count = DeviceTracer.launch, [0]
 
     def launch(self, *arguments):
         count[0] += 1
@@ -92,7 +94,7 @@ def break_device(after):
             raise DeviceError("device 0:0 broken: out of order")
         return whole(self, *arguments)
 
-    tracer.Tracer.launch = launch
+    DeviceTracer.launch = launch
 
 
 def run_other_code():
@@ -222,16 +224,16 @@ def test_other_code_on_a_worker_is_refused_in_one_line(fresh):
     must = f"--dask: worker {other} runs other code than this irtscots-cl: must be the same version on both sides"
     with pytest.raises(CodeError, match=f"^{must}$"):
         DaskExecutor(client)
-    work = TraceWork(coarse(), TraceOptions())
+    work = SequentialTask(Setup(coarse()), TraceOptions())
     with pytest.raises(CodeError, match=f"^{must}$"):  # of a worker that came after the greeting
-        executor.run(work, np.array([10, 10]), launch_rays=100)
+        executor.run(work, np.array([10, 10]), RunControl(launch_rays=100))
 
 
 def test_a_task_says_which_worker_failed():
     error = WorkerError("tcp://a:1", "device: broken")
     again = pickle.loads(pickle.dumps(error))
     assert (again.worker, again.line) == ("tcp://a:1", "device: broken")
-    assert trace_part.__module__ == "irtscots_cl.execution.dask.tasks"  # found by name on workers
+    assert trace_block.__module__ == "irtscots_cl.execution.dask.tasks"  # found by name on workers
 
 
 def test_without_workers_one_line(impatient):
@@ -270,21 +272,22 @@ def test_a_device_beside_a_client_is_refused(device, two):
         trace(coarse(), client=two, device=device)
 
 
-def test_tasks_are_longer_where_sums_are_large_or_workers_many(two):
+def test_tasks_are_longer_where_sums_are_large_or_workers_many(two, monkeypatch):
     """No trace: the size of parts by measured speed, near the beginning and near the end."""
-    work = TraceWork(coarse(), TraceOptions())
-    run = ClusterRun(DaskExecutor(two), work, np.array([2**30]), None, None, None, None)
+    work = SequentialTask(Setup(coarse()), TraceOptions())
+    run = ClusterRun(DaskExecutor(two), work, np.array([2**30]), RunControl())
     run._threads = {"a": 1, "b": 1}
     assert run._next_rays() == work.first_launch_rays
     run._speeds = [1e6, 2e6, 3e6]
     assert run._next_rays() == pytest.approx(2e6 * TASK_SECONDS, abs=2)
-    work.sums_shapes = ((10**8,),)
+    monkeypatch.setattr(SequentialTask, "sums_shapes", ((10**8,),))
     assert run._next_rays() == pytest.approx(2e6 * 80, abs=2)
     run._to_cut = 4_000_000
     assert run._next_rays() == pytest.approx(1e6, abs=2)
     run._to_cut = 1
     assert run._next_rays() == pytest.approx(2e6 * MIN_TASK_SECONDS, abs=2)
-    run._threads, work.sums_shapes = {str(k): 2 for k in range(500)}, ((10,),)
+    run._threads = {str(k): 2 for k in range(500)}
+    monkeypatch.setattr(SequentialTask, "sums_shapes", ((10,),))
     assert run._next_rays() == pytest.approx(2e6 * 10, abs=2)  # the scheduler gets 100 tasks a second
 
 

@@ -18,10 +18,11 @@ from irtscots_cl.cli.common import DEFAULTS, site_arguments
 from irtscots_cl.execution import device_pool as module
 from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
 from irtscots_cl.execution.device_pool import DevicePool, PooledDevice, open_pool
-from irtscots_cl.execution.launch_plan import RateMeter
+from irtscots_cl.execution.device_tracer import DeviceTracer
+from irtscots_cl.execution.executor import RunControl
+from irtscots_cl.execution.launch_plan import RateMeter, RayBlock
 from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.opencl.device import Device, DeviceError, all_devices
-from irtscots_cl.tracing.estimators.sequential import Tracer
 from irtscots_cl.tracing.trace import trace
 
 RAYS = {"rays_per_pixel": 600, "replicates": 2, "seed": 5}
@@ -34,14 +35,14 @@ def two(device):
 
 
 class Counted:
-    """A runner.Job that counts how often each ray of each stream is traced. Fails at a launch, or when asked for sums.
+    """A task.Tracer that counts how often each ray of each stream is traced. Fails at a launch, or when asked for sums.
 
     seconds_per_ray: that its launches claim to take.
     """
 
     def __init__(self, sources=7, most=50, fails_at=None, fails_in_sums=False, seconds_per_ray=1e-6, per_item=4):
         self.sources, self.max_rays_per_item, self.first_launch_rays = sources, per_item, 40
-        self.rate_meter, self.facts, self.launches = RateMeter(), {"code": "a"}, 0
+        self.rate_meter, self.fingerprint, self.launches = RateMeter(), {"code": "a"}, 0
         self.fails_at, self.fails_in_sums, self.seconds_per_ray = fails_at, fails_in_sums, seconds_per_ray
         self.counts = np.zeros((sources, most), np.uint64)
 
@@ -84,7 +85,7 @@ def expected(sources, rays, most=50):
 def test_every_ray_is_traced_once_whatever_fails(device, sources, rays, fails, launch_rays):
     jobs = [Counted(sources), *(Counted(sources, fails_at=at) for at in fails)]
     crew = crew_of(device, jobs)
-    (counts,) = run_rays(crew, np.array(rays), launch_rays=launch_rays)
+    (counts,) = run_rays(crew, np.array(rays), RunControl(launch_rays=launch_rays))
     crew.close()
     np.testing.assert_array_equal(counts, expected(sources, rays))
 
@@ -95,7 +96,7 @@ def test_a_device_whose_sums_are_lost_is_left_out_and_its_rays_traced_again(devi
     broken.launch = lambda *given, launch=broken.launch: (launch(*given), began.set())
     sound.launch = lambda *given: (began.wait(10), launch(*given))  # so that the other gets its share on a busy machine
     crew = crew_of(device, [sound, broken])
-    (counts,) = run_rays(crew, np.array([30, 20]), launch_rays=100)
+    (counts,) = run_rays(crew, np.array([30, 20]), RunControl(launch_rays=100))
     np.testing.assert_array_equal(counts, expected(7, [30, 20]))
     assert len(caplog.records) == 1 and "device: lost" in caplog.text
     assert "devices" not in crew.describe()  # one is left
@@ -106,17 +107,17 @@ def test_what_was_taken_from_a_device_that_then_fails_is_not_traced_again(device
     jobs = [Counted(), Counted()]
     crew = crew_of(device, jobs)
     crew.clear()
-    crew.launch(0, (0, 7, 0, 20))
+    crew.launch(0, RayBlock(0, 7, 0, 20))
     crew.sums()
     jobs[1].fails_in_sums = True
-    crew.launch(0, (0, 7, 20, 12))
+    crew.launch(0, RayBlock(0, 7, 20, 12))
     np.testing.assert_array_equal(crew.sums()[0], expected(7, [32])[0])
 
 
 def test_all_devices_failing_is_the_last_one_s_error(device):
     crew = crew_of(device, [Counted(fails_at=2), Counted(fails_at=1)])
     with pytest.raises(DeviceError, match=r"^device \d: broken$"):
-        run_rays(crew, np.array([50]), launch_rays=60)
+        run_rays(crew, np.array([50]), RunControl(launch_rays=60))
 
 
 def test_a_faster_device_takes_larger_pieces(device):
@@ -125,20 +126,20 @@ def test_a_faster_device_takes_larger_pieces(device):
     slow.rate_meter.launched(1000, 1.0)
     fast.rate_meter.launched(3_000_000, 1.0)
     slow.rate_meter.launched(1_000_000, 1.0)
-    crew._todo.append((0, (0, 100, 0, 2**18)))
-    taken = [crew._take(member)[1][1] for member in crew._members]
+    crew._todo.append((0, RayBlock(0, 100, 0, 2**18)))
+    taken = [crew._take(member)[1].sources for member in crew._members]
     assert taken == [12, 33]  # half of a quarter of 100 streams, half of three quarters of the rest
 
 
 def both_take_part(monkeypatch):
     """Which members of crews launched something."""
-    seen, work = set(), Tracer.launch
+    seen, work = set(), DeviceTracer.launch
 
     def launch(self, *arguments):
         seen.add(id(self))
         work(self, *arguments)
 
-    monkeypatch.setattr(Tracer, "launch", launch)
+    monkeypatch.setattr(DeviceTracer, "launch", launch)
     return seen
 
 

@@ -13,10 +13,13 @@ from synthetic import small_scene
 from irtscots_cl.execution import checkpoint
 from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
 from irtscots_cl.execution.checkpoint_file import FORMAT, write_checkpoint
+from irtscots_cl.execution.device_tracer import DeviceTracer
+from irtscots_cl.execution.executor import RunControl
 from irtscots_cl.execution.launch_plan import Cursor, plan_launches
 from irtscots_cl.execution.run_loop import run_rays
-from irtscots_cl.tracing.estimators.nonsequential import PathTracer
-from irtscots_cl.tracing.estimators.path_sums import TrackedPaths
+from irtscots_cl.optics.setup import Setup
+from irtscots_cl.tracing.estimators.nonsequential import PathTask, find_paths
+from irtscots_cl.tracing.estimators.sequential import SequentialTask
 from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.trace import trace, trace_paths
 
@@ -26,7 +29,7 @@ FACTS = {"scene": "cd" * 16, "seed": 1}
 @pytest.fixture
 def eager(monkeypatch):
     """A save after every launch."""
-    monkeypatch.setattr(checkpoint, "LEAST_SECONDS", 0.0)
+    monkeypatch.setattr(checkpoint, "MIN_SECONDS", 0.0)
     monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)
 
 
@@ -73,7 +76,7 @@ def test_places_that_a_plan_passes_are_not(cursor):
 
 def test_every_ray_once_and_progress_to_the_end():
     job, seen, so_far = CountingJob(), [], []
-    found = run_rays(job, RAYS, lambda *numbers: seen.append(numbers), 20, finished=so_far.append)
+    found = run_rays(job, RAYS, RunControl(lambda *numbers: seen.append(numbers), so_far.append, launch_rays=20))
     assert found[0].shape == (3, SOURCES, 1) and found[1].shape == (3, 3)
     assert found[1][:, 0].tolist() == (RAYS * SOURCES).tolist()
     total = int(RAYS.sum()) * SOURCES
@@ -81,7 +84,7 @@ def test_every_ray_once_and_progress_to_the_end():
     assert [n for n, _ in seen] == np.cumsum([part[2] * part[4] for part in job.launches]).tolist()
     assert [len(part[0]) for part in so_far] == [1, 2]  # the last is the result
     assert same(so_far[1], [array[:2] for array in found])
-    assert same(found, run_rays(CountingJob(), RAYS, launch_rays=7))
+    assert same(found, run_rays(CountingJob(), RAYS, RunControl(launch_rays=7)))
 
 
 def resumed(path, stop_after, launch_rays):
@@ -96,7 +99,7 @@ def resumed(path, stop_after, launch_rays):
 
         job = CountingJob()
         try:
-            return run_rays(job, RAYS, stop, next(launch_rays), keeper.file_of(FACTS)), interrupts
+            return run_rays(job, RAYS, RunControl(stop, None, keeper.file_of(FACTS), next(launch_rays))), interrupts
         except Interrupted:
             interrupts += 1
 
@@ -120,9 +123,11 @@ def test_a_run_that_dies_goes_on_from_its_last_save(tmp_path, eager):
                 raise RuntimeError("power failure")
 
         with pytest.raises(RuntimeError):
-            run_rays(CountingJob(), RAYS, die, 4, Checkpoints(path).file_of(FACTS))
+            run_rays(CountingJob(), RAYS, RunControl(die, None, Checkpoints(path).file_of(FACTS), 4))
         job = CountingJob()
-        assert same(run_rays(job, RAYS, None, 4, Checkpoints(path, resume=True).file_of(FACTS)), expected)
+        assert same(
+            run_rays(job, RAYS, RunControl(None, None, Checkpoints(path, resume=True).file_of(FACTS), 4)), expected
+        )
         traced = sum(part[2] * part[4] for part in job.launches)
         lost = traced + (seen[-2][0] if dies_at > 1 else 0) - RAYS.sum() * SOURCES
         assert lost == 0  # but the launch after which it died, all was in the file
@@ -157,7 +162,7 @@ def bits(traced) -> dict:
 
 @pytest.mark.parametrize("way", WAYS)
 def test_every_estimator_goes_on_to_the_same_bits(device, tmp_path, way, monkeypatch):
-    monkeypatch.setattr("irtscots_cl.execution.run_loop._pace", lambda *_: lambda: 2**14)
+    monkeypatch.setattr("irtscots_cl.execution.run_loop._launch_size", lambda *_: lambda: 2**14)
     monkeypatch.setattr("irtscots_cl.tracing.estimators.nonsequential.PILOT_RAYS", 2**19)
     scene, options = WAYS[way]
     options = options | {"device": device, "rays_per_pixel": 700, "replicates": 3, "seed": 5}
@@ -196,11 +201,11 @@ def test_seconds_of_earlier_processes_count(device, tmp_path):
 def test_the_wider_windows_of_a_trace_are_gone_on_with(device, tmp_path, monkeypatch):
     """Rays beside the windows start a trace anew, with wider ones, whether or not it is interrupted."""
     from irtscots_cl.optics.screen_windows import place_windows
-    from irtscots_cl.tracing.estimators import sequential as tracer
 
-    monkeypatch.setattr(tracer, "place_windows", lambda chief, margin: place_windows(chief, margin - 2))
-    margins, made = [], tracer.Tracer
-    monkeypatch.setattr(tracer, "Tracer", lambda *given, **more: margins.append(given[3]) or made(*given, **more))
+    narrow = lambda chief, margin: place_windows(chief, margin - 2)  # noqa: E731
+    monkeypatch.setattr("irtscots_cl.optics.setup.place_windows", narrow)
+    margins, program = [], SequentialTask.program
+    monkeypatch.setattr(SequentialTask, "program", lambda task, on: margins.append(task.margin) or program(task, on))
     options = {"device": device, "rays_per_pixel": 300, "replicates": 2, "launch_rays": 2**15}
     expected = bits(trace(SCENE, **options))
     assert margins == [1, 2]
@@ -215,7 +220,7 @@ def test_the_wider_windows_of_a_trace_are_gone_on_with(device, tmp_path, monkeyp
     assert margins == [1, 2, 1, 2]
     assert bits(trace(SCENE, **options, keeper=Checkpoints(tmp_path / "kept", resume=True))) == expected
     assert margins == [1, 2, 1, 2, 2]
-    monkeypatch.setattr(checkpoint, "LEAST_SECONDS", 0.0)
+    monkeypatch.setattr(checkpoint, "MIN_SECONDS", 0.0)
     monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)  # what was saved of the first does not stop the second
     assert bits(trace(SCENE, **options, keeper=Checkpoints(tmp_path / "new", resume=True))) == expected
 
@@ -231,19 +236,19 @@ def test_the_readmes_way_to_keep_a_trace(device, tmp_path):
 def test_found_paths_do_not_depend_on_the_order_of_their_rays(device, monkeypatch):
     """Or a trace could not be gone on with: its sums are of the paths that the pilot keeps apart."""
     tiny = 2.0**-53  # 1 + tiny is 1, and tiny + tiny + 1 is more: then the second path is the more powerful one
-    tracer, kept = PathTracer(SCENE, device, TraceOptions("nonsequential")), []
+    task, kept = PathTask(Setup(SCENE), TraceOptions("nonsequential")), []
     for weights in ((1, tiny, tiny), (tiny, 1, tiny), (tiny, tiny, 1)):
         rows = np.zeros((4, 3), np.uint32)
         rows[:, 0] = (1, 2, 2, 2)
         rows[:, 2] = np.array((1, *weights), np.float32).view(np.uint32)
 
-        def download(buffer, out, rows=rows):
+        def read(_, out, rows=rows):
             out[0], out[1:13] = len(rows), rows.ravel()
             return out
 
-        monkeypatch.setattr(tracer._workspace, "download", download)
-        kept.append(tracer.find())
-    assert kept == [TrackedPaths((2, 1), (1.0, 1.0))] * 3
+        monkeypatch.setattr(DeviceTracer, "read_scratch", read)
+        kept.append(find_paths(device, task))
+    assert kept == [([2, 1], [1.0, 1.0])] * 3
 
 
 def test_other_paths_are_no_part_of_a_kept_trace(device, tmp_path, monkeypatch):

@@ -7,12 +7,12 @@ import pytest
 from nodes import BRIDGE, ISLANDS, disk, levelled, lines, polynomial, ring, sheared_grid, straight_grid
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline, KroghInterpolator
+from tracers import setup_of
 
 from irtscots_cl.maths.integration import METHODS, integrate_slopes, modal
 from irtscots_cl.maths.integration import zonal_rules as rises
 from irtscots_cl.maths.integration.node_graph import NodeGraph
 from irtscots_cl.maths.low_order import remove_terms, rms
-from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.presets import load_scene
 
@@ -277,7 +277,7 @@ def test_values_outside_the_mask_are_never_read(method):
 def test_error_on_the_deviation_of_six_zernike_terms(method, min_nm, most_nm):
     """At the points that 125 x 125 pixels see; the rim's pixels see only part of their footprint on the mirror."""
     scene = load_scene("sphere-deviated")
-    footprint = chief_rays(scene.nominal()).footprint
+    footprint = setup_of(scene.nominal()).chief_rays.footprint
     mask = footprint.coverage >= 0.5
     assert (footprint.coverage[mask] < 1).sum() > 200
     x, y = (np.where(mask, v, 0.0) for v in (footprint.x_mm, footprint.y_mm))

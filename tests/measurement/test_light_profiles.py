@@ -7,14 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 from synthetic import small_scene
+from tracers import setup_of
 
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_profiles import profile_centroids, sampled_centroids, sampling_error
-from irtscots_cl.optics.chief_rays import chief_rays
-from irtscots_cl.optics.pixel.response import PixelResponse, pixel_response
+from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.trace import trace
 
@@ -24,7 +24,7 @@ SLOPE_PER_MM = 1 / (2 * 4166.747 * np.cos(np.radians(3)))  # at the vertex of th
 
 def line_sampling_error(chief, positions_mm, centre_mm, mask, k):
     """sampling_error on the detector's grid, NaN outside the mask."""
-    light = pixel_response(chief.scene)
+    light = setup_of(chief.scene).pixel_response
     error = np.full(mask.size, np.nan)
     error[light.pixels] = sampling_error(positions_mm, light, "uv"[k], centre_mm.ravel()[light.pixels])
     return np.where(mask, error.reshape(mask.shape), np.nan)
@@ -33,7 +33,7 @@ def line_sampling_error(chief, positions_mm, centre_mm, mask, k):
 @pytest.fixture(scope="module")
 def sphere():
     """ChiefRays of the paper's sphere, its mask, and the true centroids of its pixels along x and y."""
-    chief = chief_rays(load_scene("sphere"))
+    chief = setup_of(load_scene("sphere")).chief_rays
     row, column = np.meshgrid(*(np.arange(n) for n in chief.shape), indexing="ij")
     _, u, v = chief.reverse(row, column)
     return chief, chief.footprint.coverage >= 0.5, (u, v)
@@ -43,9 +43,7 @@ def sphere():
 def sampling(sphere):
     chief, mask, centres = sphere
     pattern = LineScan(chief.scene)
-    return [
-        line_sampling_error(chief, pattern.positions_mm("xy"[k]), centres[k], mask, k) for k in (0, 1)
-    ]
+    return [line_sampling_error(chief, pattern.positions_mm("xy"[k]), centres[k], mask, k) for k in (0, 1)]
 
 
 def test_sampling_by_lines_costs_0_095_microradians_on_the_paper_s_sphere(sphere, sampling):
@@ -105,7 +103,7 @@ def curves_of(scene, pitch_mm=0.2):
 
 def errors(scene, scan, centroid_mm):
     """Of centroids [n], against those of the true mirror's light."""
-    light, output = pixel_response(scene), "uv"["xy".index(scan.axis)]
+    light, output = setup_of(scene).pixel_response, "uv"["xy".index(scan.axis)]
     np.testing.assert_array_equal(light.pixels, scan.pixels)
     return centroid_mm - light.means(output)[0]
 
@@ -124,7 +122,7 @@ def part_of(scan, chosen):
 def test_the_light_s_own_profile_takes_the_sampling_error_away(deviated, k):
     scene, scans = deviated
     raw = centroids(scans[k], scans[k].mean_w())
-    found = profile_centroids(scans[k], pixel_response(scene), raw)
+    found = profile_centroids(scans[k], setup_of(scene).pixel_response, raw)
     assert root_mean_square(errors(scene, scans[k], raw)) > 3e-4  # mm: a line of 0.2 mm, light of 1 mm
     assert np.abs(errors(scene, scans[k], found)).max() < 1e-7  # mm: where the rounds stop
 
@@ -134,7 +132,7 @@ def test_the_design_s_profile_takes_nine_tenths_of_the_sampling_error_away(devia
     """What the mirror's deviation adds to the profile is a part of a slope's change over a pixel of 43 mm."""
     scene, scans = deviated
     raw = centroids(scans[k], scans[k].mean_w())
-    found = profile_centroids(scans[k], pixel_response(scene.nominal()), raw)
+    found = profile_centroids(scans[k], setup_of(scene.nominal()).pixel_response, raw)
     left, before = (root_mean_square(errors(scene, scans[k], c)) for c in (found, raw))
     assert 0.01 * before < left < 0.15 * before  # the pixel's image, 0.6 of the light, changes by tenths at most
 
@@ -142,7 +140,7 @@ def test_the_design_s_profile_takes_nine_tenths_of_the_sampling_error_away(devia
 @AXES
 def test_sampled_centroids_are_those_of_the_scene_s_own_curves(deviated, k):
     scene, scans = deviated
-    found = sampled_centroids(scans[k], pixel_response(scene))
+    found = sampled_centroids(scans[k], setup_of(scene).pixel_response)
     raw = centroids(scans[k], scans[k].mean_w())
     np.testing.assert_allclose(found, raw, rtol=0, atol=1e-9)  # mm: rounding of light that is a small difference
     assert np.abs(errors(scene, scans[k], found)).max() > 1e-4  # they do have the sampling error
@@ -151,19 +149,21 @@ def test_sampled_centroids_are_those_of_the_scene_s_own_curves(deviated, k):
 @pytest.mark.parametrize("threshold", [0.0, 0.05, 0.1, 0.3])
 def test_sampled_centroids_know_the_threshold(deviated, threshold):
     scene, (scan, _) = deviated
-    found = sampled_centroids(scan, pixel_response(scene), threshold)
+    found = sampled_centroids(scan, setup_of(scene).pixel_response, threshold)
     raw = centroids(scan, scan.mean_w(), threshold)
     np.testing.assert_allclose(found, raw, rtol=0, atol=1e-9)  # mm: as without
     if threshold:
-        assert np.abs(found - sampled_centroids(scan, pixel_response(scene))).max() > 1e-3  # mm: samples are cut off
+        assert (
+            np.abs(found - sampled_centroids(scan, setup_of(scene).pixel_response)).max() > 1e-3
+        )  # mm: samples are cut off
 
 
 def test_the_profile_corrects_for_a_threshold(deviated):
     scene, (scan, _) = deviated
     raw = centroids(scan, scan.mean_w(), 0.1)
     before = root_mean_square(errors(scene, scan, raw))
-    found = profile_centroids(scan, pixel_response(scene), raw, 0.1)
-    ignored = profile_centroids(scan, pixel_response(scene), raw)
+    found = profile_centroids(scan, setup_of(scene).pixel_response, raw, 0.1)
+    ignored = profile_centroids(scan, setup_of(scene).pixel_response, raw)
     # the cut moves with the light and jumps from line to line, so a round takes less away than without: 0.4 of it
     assert root_mean_square(errors(scene, scan, found)) < 0.4**4 * before
     assert root_mean_square(errors(scene, scan, ignored)) > 0.9 * before  # 5 um by the cut, 0.4 by sampling
@@ -172,7 +172,7 @@ def test_the_profile_corrects_for_a_threshold(deviated):
 @AXES
 def test_a_pixel_without_a_model_keeps_its_centroid(deviated, k):
     scene, scans = deviated
-    light, lost = pixel_response(scene.nominal()), 200
+    light, lost = setup_of(scene.nominal()).pixel_response, 200
     residual = light.maps.residual.copy()
     residual[:, lost] = 1.0  # mm: far from quadratic
     partial = PixelResponse(light.chief, light.pixels, dataclasses.replace(light.maps, residual=residual))
@@ -187,10 +187,8 @@ def test_a_pixel_without_a_model_keeps_its_centroid(deviated, k):
 
 def test_a_scene_without_any_model_is_left_as_it_is(deviated):
     scene, (scan, _) = deviated
-    light = pixel_response(scene.nominal())
-    none = PixelResponse(
-        light.chief, light.pixels, dataclasses.replace(light.maps, residual=light.maps.residual + 1.0)
-    )
+    light = setup_of(scene.nominal()).pixel_response
+    none = PixelResponse(light.chief, light.pixels, dataclasses.replace(light.maps, residual=light.maps.residual + 1.0))
     raw = centroids(scan, scan.mean_w())
     np.testing.assert_array_equal(profile_centroids(scan, none, raw), raw)
     assert np.isnan(sampled_centroids(scan, none)).all()
@@ -199,7 +197,7 @@ def test_a_scene_without_any_model_is_left_as_it_is(deviated):
 @AXES
 def test_scan_and_model_may_know_different_pixels_in_any_order(deviated, k):
     scene, scans = deviated
-    light, count = pixel_response(scene.nominal()), len(scans[k].pixels)
+    light, count = setup_of(scene.nominal()).pixel_response, len(scans[k].pixels)
     random = np.random.default_rng(2)
     chosen, modelled = random.permutation(count)[:300], random.permutation(count)[:300]
     scan = part_of(scans[k], chosen)
@@ -220,7 +218,7 @@ def test_a_curve_without_light_stays_without_a_centroid(deviated):
     scene, (scan, _) = deviated
     dark = dataclasses.replace(scan, flux_w=scan.flux_w.copy())
     dark.flux_w[:, 7] = 0.0
-    found = profile_centroids(dark, pixel_response(scene.nominal()), centroids(dark, dark.mean_w()))
+    found = profile_centroids(dark, setup_of(scene.nominal()).pixel_response, centroids(dark, dark.mean_w()))
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(found)), [7])
 
 
@@ -237,7 +235,7 @@ def test_lines_wider_than_the_light_do_no_harm(pitch_mm, part):
     scene, scans = curves_of(small_scene("sphere-deviated", 25), pitch_mm)
     for scan in scans:
         raw = centroids(scan, scan.mean_w())
-        found = profile_centroids(scan, pixel_response(scene.nominal()), raw)
+        found = profile_centroids(scan, setup_of(scene.nominal()).pixel_response, raw)
         assert np.isfinite(found).all()
         assert root_mean_square(errors(scene, scan, found)) < part * root_mean_square(errors(scene, scan, raw))
         # the light is on the lines that it lights: half a line and its own reach, of 0.6 mm and the pixel's image
@@ -247,7 +245,7 @@ def test_lines_wider_than_the_light_do_no_harm(pitch_mm, part):
 def test_a_single_line_takes_the_screen_s_pitch(deviated):
     """Its positions have no distance to take the pitch from."""
     scene, _ = deviated
-    light = pixel_response(scene.nominal())
+    light = setup_of(scene.nominal()).pixel_response
     centre = light.means("u")[0]
     positions = LineScan(scene).positions_mm("x")
     np.testing.assert_allclose(

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from lopsided import lopsided
 from significance import poisson_ratio_p, sidak_p
+from tracers import setup_of
 
-from irtscots_cl.optics.aim import Aim, camera_aim, mirror_aim
-from irtscots_cl.optics.chief_rays import chief_rays
+from irtscots_cl.optics.aim import Aim
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.packing.sources import emitters
 from irtscots_cl.tracing.trace import trace
@@ -31,7 +31,7 @@ def scene_of(name):
 def light_into_camera(scene, rays, seed):
     """Screen pixels [k] and directions [k, 2] of rays from all over the detector and the aperture, by the oracle of
     the chief-ray calibration with other random numbers than the aim's own check."""
-    random, chief = np.random.default_rng(seed), chief_rays(scene)
+    random, chief = np.random.default_rng(seed), setup_of(scene).chief_rays
     rows, columns = chief.shape
     angle, radius = random.random(rays) * 2 * np.pi, np.sqrt(random.random(rays)) / 2
     a, b = (scene.camera.aperture_diameter_mm * radius * f(angle) for f in (np.cos, np.sin))
@@ -55,8 +55,8 @@ def test_both_aims_hold_all_light_that_reaches_the_camera(name):
     scene = scene_of(name)
     pixel, cosines = light_into_camera(scene, 2**17, 5)
     assert len(pixel) > 2**13
-    aim = camera_aim(scene)
-    assert aim.holds(pixel, cosines).all() and mirror_aim(scene).holds(pixel, cosines).all()
+    aim = setup_of(scene).camera_aim
+    assert aim.holds(pixel, cosines).all() and setup_of(scene).mirror_aim.holds(pixel, cosines).all()
     # the same rays tell of an aim that is too small
     assert not Aim(aim.centre, aim.root * 0.5, aim.share).holds(pixel, cosines).all()
 
@@ -66,7 +66,7 @@ def test_both_aims_hold_all_light_that_reaches_the_camera(name):
 )
 def test_the_camera_sees_little_of_the_mirror_lit_by_one_pixel(name, most):
     scene = scene_of(name)
-    aim, whole = camera_aim(scene), mirror_aim(scene)
+    aim, whole = setup_of(scene).camera_aim, setup_of(scene).mirror_aim
     assert aim.share < most
     np.testing.assert_allclose(aim.area, aim.share * whole.area, rtol=1e-12)  # rounding
     assert whole.share == 1.0
@@ -76,14 +76,14 @@ def test_the_camera_sees_little_of_the_mirror_lit_by_one_pixel(name, most):
 def test_an_aperture_that_takes_all_light_is_aimed_at_with_the_whole_mirror():
     scene = load_scene("sphere")
     wide = replace(scene, camera=replace(scene.camera, aperture_diameter_mm=8.0))
-    assert camera_aim(wide) is mirror_aim(wide)
+    assert setup_of(wide).camera_aim is setup_of(wide).mirror_aim
 
 
 def test_overfill_scales_the_area_of_either_aim():
-    chief = chief_rays(load_scene("sphere"))
+    setup = setup_of(load_scene("sphere"))
     for aim in ("mirror", "camera"):
-        once, area = emitters(chief, "fp32", 1.0, aim)
-        twice, larger = emitters(chief, "fp32", 2.0, aim)
+        once, area = emitters(setup, "fp32", 1.0, aim)
+        twice, larger = emitters(setup, "fp32", 2.0, aim)
         np.testing.assert_allclose(larger, 2 * area, rtol=1e-12)  # rounding
         np.testing.assert_allclose(twice["aim_ll"], np.sqrt(2) * once["aim_ll"], rtol=1e-6)  # float32's
         np.testing.assert_array_equal(twice["centre_l"], once["centre_l"])
@@ -97,7 +97,7 @@ def test_both_aims_bring_the_same_light(device, name):
     aimed = trace(
         scene, device=device, estimator="forward", aim="camera", rays_per_pixel=rays, replicates=1, seed=4
     )
-    share = camera_aim(scene).share
+    share = setup_of(scene).camera_aim.share
     np.testing.assert_allclose(aimed.unit_w, share * whole.unit_w, rtol=1e-12)  # rounding
     first, second = (run.counts[0].ravel().astype(np.int64) for run in (whole, aimed))
     lit = first + second > 0

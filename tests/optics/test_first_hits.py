@@ -6,16 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tracers import path_tracer_of, setup_of
 
+from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.maths.frame import Frame
-from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.optics.elements.components import components_of
 from irtscots_cl.optics.elements.first_hits import ALL, may_meet
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.presets import load_scene, preset_names
 from irtscots_cl.scene.scatter.models import Lambertian
-from irtscots_cl.tracing.estimators.nonsequential import PathTracer
-from irtscots_cl.tracing.estimators.path_sums import TrackedPaths
 from irtscots_cl.tracing.options import NONSEQUENTIAL, TraceOptions
 from irtscots_cl.tracing.packing import components as partpacking
 from irtscots_cl.tracing.packing.sources import emitters
@@ -26,7 +25,7 @@ RAYS = np.array([64])
 def masks(scene, overfill=1.0):
     """Names of the elements that rays may meet first, and second."""
     components, screen = components_of(scene), Frame.looking(scene.screen.position_mm, scene.screen.look_at_mm)
-    sources, _ = emitters(chief_rays(scene), "fp32", overfill, "mirror")
+    sources, _ = emitters(setup_of(scene), "fp32", overfill, "mirror")
     bits = may_meet(components, screen, sources, scene.screen.pitch_mm)
     return tuple({component.name for k, component in enumerate(components) if bit >> k & 1} for bit in bits)
 
@@ -95,15 +94,15 @@ def test_what_is_ruled_out_is_never_met(device, monkeypatch, name):
     scene = OTHERS[name]() if name in OTHERS else load_scene(name)
 
     def run():
-        tracer = PathTracer(scene, device, TraceOptions(NONSEQUENTIAL, seed=3, overfill=1.5))
-        return (*tracer.run(RAYS, TrackedPaths((), ())), tracer)
+        tracer = path_tracer_of(scene, device, TraceOptions(NONSEQUENTIAL, seed=3, overfill=1.5))
+        return (*run_rays(tracer, RAYS), tracer)
 
-    images, sums, tracer = run()
+    sums, images, tracer = run()
     monkeypatch.setattr(partpacking, "may_meet", lambda *given: (ALL, ALL))
-    all_images, all_sums, _ = run()
+    all_sums, all_images, _ = run()
     np.testing.assert_array_equal(sums, all_sums)
     np.testing.assert_array_equal(images, all_images)
-    assert tracer.work.ends(sums, int(RAYS.sum()) * tracer.sources)["launched"] > 1000
+    assert tracer.task.light.ends(sums, int(RAYS.sum()) * tracer.sources)["launched"] > 1000
 
 
 def test_a_bare_test_rules_out_what_it_can():
@@ -126,7 +125,7 @@ def test_what_may_be_met_is_not_ruled_out():
 
 def test_the_bowls_light_does_meet_it_twice(device):
     """So that the tests above have something to see."""
-    tracer = PathTracer(bowl(), device, TraceOptions(NONSEQUENTIAL, seed=3), bounce_limit=2)
-    _, sums = tracer.run(RAYS, TrackedPaths((), ()))
-    ends = tracer.work.ends(sums, int(RAYS.sum()) * tracer.sources)
+    tracer = path_tracer_of(bowl(), device, TraceOptions(NONSEQUENTIAL, seed=3, bounce_limit=2))
+    sums, _ = run_rays(tracer, RAYS)
+    ends = tracer.task.light.ends(sums, int(RAYS.sum()) * tracer.sources)
     assert ends["bounce limit"] > 0.01 * ends["launched"]  # the camera is much too small for so many

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scenes import scene_of
+from tracers import setup_of
 
-from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.optics.pixel.ray_map import OUTPUTS, RAYS, RayMap
 from irtscots_cl.scene.presets import load_scene
 
@@ -58,7 +58,7 @@ def evaluated(maps, output, s, t, a, b):
 @pytest.fixture(params=BOUND_MM)
 def mapped(request):
     """(name, calibration, maps) of 200 pixels of a scene"""
-    chief = chief_rays(scene_of(request.param))
+    chief = setup_of(scene_of(request.param)).chief_rays
     return request.param, chief, RayMap.of(chief, *some_pixels(chief, 200))
 
 
@@ -164,19 +164,19 @@ def test_what_a_cubic_does_over_the_aperture_alone_is_kept():
 @pytest.mark.parametrize("name", ["sphere-deviated", "off-axis"])
 def test_residuals_grow_with_the_aperture(name):
     scene = load_scene(name)
-    chief = chief_rays(scene)
+    chief = setup_of(scene).chief_rays
     row, column = some_pixels(chief, 100)
     rms = []
     for factor in (1.0, 4.0, 8.0):
         camera = replace(scene.camera, aperture_diameter_mm=factor * scene.camera.aperture_diameter_mm)
-        residual = RayMap.of(chief_rays(replace(scene, camera=camera)), row, column).residual
+        residual = RayMap.of(setup_of(replace(scene, camera=camera)).chief_rays, row, column).residual
         rms.append(np.sqrt(np.mean(residual**2, axis=1)))
     # a cubic in the aperture's radius alone would grow 64 and 8 times; the pixel's part stays
     assert (rms[1] > 1.2 * rms[0]).all() and (rms[2] > 2 * rms[1]).all() and (rms[2] < 9 * rms[1]).all()
 
 
 def test_part_of_the_maps_is_the_maps_of_a_part():
-    chief = chief_rays(load_scene("off-axis"))
+    chief = setup_of(load_scene("off-axis")).chief_rays
     row, column = some_pixels(chief, 20)
     maps = RayMap.of(chief, row, column)
     mask = np.arange(20) % 3 == 0

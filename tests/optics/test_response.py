@@ -11,11 +11,12 @@ from lopsided import lopsided
 from scenes import with_part
 from scipy import integrate
 from scipy.stats import qmc
+from tracers import setup_of
 
 from irtscots_cl.imaging.patterns import LineScan
-from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.pixel.chord import chord_cdf, chord_integrals
-from irtscots_cl.optics.pixel.response import MAX_PUSH, PixelResponse, pixel_response
+from irtscots_cl.optics.pixel.response import MAX_PUSH, PixelResponse
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.presets import load_scene
 
@@ -43,6 +44,7 @@ MADE = {"holed": holed, "narrow": narrow, "wide": wide}
 
 
 # --- many rays of one pixel --------------------------------------------------------------------------------
+
 
 def scene_of(name):
     return MADE[name]() if name in MADE else load_scene(name)
@@ -246,7 +248,7 @@ PIXELS = [
 
 def light_of(name, *places):
     """The PixelResponse of some pixels (row, column) of a scene."""
-    chief = chief_rays(scene_of(name))
+    chief = setup_of(scene_of(name)).chief_rays
     row, column = np.array(places).T
     return PixelResponse.of(chief, row * chief.shape[1] + column)
 
@@ -381,7 +383,7 @@ def footprint_areas(chief):
 
 @pytest.mark.parametrize(("name", "hole_mm"), [("sphere", 0.0), ("holed", 100.0)])
 def test_coverage_adds_up_to_the_mirror(name, hole_mm):
-    light = pixel_response(scene_of(name))
+    light = setup_of(scene_of(name)).pixel_response
     area = np.sum(light.coverage() * footprint_areas(light.chief)[light.pixels])
     expected = np.pi * (532.0**2 - hole_mm**2)
     assert area == pytest.approx(expected, rel=1e-5)  # 4e-6: a pixel's footprint is a little larger on one side
@@ -389,7 +391,7 @@ def test_coverage_adds_up_to_the_mirror(name, hole_mm):
 
 @pytest.mark.parametrize("name", ["sphere", "holed", "off-axis", "narrow"])
 def test_coverage_is_that_of_counted_chief_rays(name):
-    light = pixel_response(scene_of(name))
+    light = setup_of(scene_of(name)).pixel_response
     counted = light.chief.footprint.coverage.ravel()[light.pixels]
     found = light.coverage()
     assert found.max() <= 1 + 1e-14 and found.min() >= -1e-14  # rounding
@@ -410,7 +412,7 @@ def test_no_light_comes_from_the_hole():
 
 
 def test_a_pixel_in_the_hole_has_no_coverage():
-    light = pixel_response(narrow())
+    light = setup_of(narrow()).pixel_response
     dark = light.coverage() < 1e-9
     assert dark.sum() > 3 and (light.coverage()[dark] == 0).all()
     assert np.isnan(light.means("uv")[:, dark]).all()
@@ -423,7 +425,7 @@ def test_a_hole_that_no_pixel_sees_takes_nothing():
 
 def test_a_hole_within_a_pixel_takes_its_area_or_is_refused():
     scene = with_part(load_scene("sphere"), "mirror", obscuration_mm=4.0)
-    light = pixel_response(scene)
+    light = setup_of(scene).pixel_response
     centre = light.pixels == 62 * 125 + 62
     share = np.pi * 2.0**2 / footprint_areas(light.chief)[62 * 125 + 62]
     assert not light.valid()[centre] or light.coverage()[centre] == pytest.approx(1 - share, abs=1e-3)  # of 0.86
@@ -434,19 +436,21 @@ def test_a_hole_within_a_pixel_takes_its_area_or_is_refused():
 
 def test_the_closed_form_holds_on_the_presets():
     for name in ("sphere", "sphere-deviated", "off-axis", "narrow"):
-        assert pixel_response(scene_of(name)).valid().all()
+        assert setup_of(scene_of(name)).pixel_response.valid().all()
 
 
 def test_an_aperture_that_blurs_the_rim_too_much_is_refused():
     """The rim moves aside by the aperture's defocused image on the mirror: as far as rays from both its sides say."""
     scene, pixel = load_scene("sphere"), np.array([62 * 125 + 10])
-    points, _, _ = chief_rays(scene).reverse(62, 10, np.array([A, -A, 0, 0]), np.array([0, 0, A, -A]))
-    corners, _, _ = chief_rays(scene).reverse(62 + np.array([0, 0, 0.5, -0.5]), 10 + np.array([0.5, -0.5, 0, 0]))
+    points, _, _ = setup_of(scene).chief_rays.reverse(62, 10, np.array([A, -A, 0, 0]), np.array([0, 0, A, -A]))
+    corners, _, _ = setup_of(scene).chief_rays.reverse(
+        62 + np.array([0, 0, 0.5, -0.5]), 10 + np.array([0.5, -0.5, 0, 0])
+    )
     blur, size = (np.hypot(*(p[::2, :2] - p[1::2, :2]).ravel()[[0, 3]]) / 2 for p in (points, corners))
     widest = 2 * A * MAX_PUSH / (blur / size)
     for diameter_mm, valid in [(0.97 * widest, True), (1.03 * widest, False)]:
         wide = with_part(scene, "camera", aperture_diameter_mm=diameter_mm)
-        assert PixelResponse.of(chief_rays(wide), pixel).valid()[0] == valid
+        assert PixelResponse.of(setup_of(wide).chief_rays, pixel).valid()[0] == valid
 
 
 def test_a_map_that_is_not_quadratic_is_refused():
@@ -454,14 +458,16 @@ def test_a_map_that_is_not_quadratic_is_refused():
     sphere = load_scene("sphere")
     for amount_um, valid in [(0.03, True), (30.0, False)]:
         terms = (ZernikeTerms(radius_mm=532.0, ordering="osa", coefficients_um={840: amount_um}),)
-        light = PixelResponse.of(chief_rays(with_part(sphere, "mirror", zernike=terms)), np.array([62 * 125 + 90]))
+        light = PixelResponse.of(
+            setup_of(with_part(sphere, "mirror", zernike=terms)).chief_rays, np.array([62 * 125 + 90])
+        )
         assert light.valid()[0] == valid
 
 
 def test_a_pixel_that_misses_the_surface_is_refused():
     """The surface ends at 580 mm, and the detector looks at 600 mm."""
     scene = with_part(load_scene("sphere"), "mirror", radius_mm=580.0, diameter_mm=800.0)
-    light = PixelResponse.of(chief_rays(scene), np.arange(125 * 125))
+    light = PixelResponse.of(setup_of(scene).chief_rays, np.arange(125 * 125))
     missed = np.isnan(light.maps.term("x"))
     assert 1000 < missed.sum() < 2000  # the corners of the detector
     assert not light.valid()[missed].any()

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
+from tracers import setup_of
 
 from irtscots_cl.cli.reproduce import NAMES
 from irtscots_cl.maths.statistics import Estimate
-from irtscots_cl.optics.aim import camera_aim
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies import brightness, fig3, fig5, suite, table4, zonal
 from irtscots_cl.studies.traces import CENTRE, PAPER_OVERFILL, PAPER_RAYS, RUNS, SharedTraces, light_curve, over_runs
@@ -87,7 +87,7 @@ def test_full_runs_are_the_papers_and_ten_runs_weigh_the_same(device):
     full, runs = traces.full("sphere", 20_000), traces.runs("sphere", 20_000)
     assert full.rays == full.equivalent == 441 * 20_000
     assert runs.equivalent == 441 * RUNS * 20_000
-    share = camera_aim(load_scene("sphere")).share / PAPER_OVERFILL
+    share = setup_of(load_scene("sphere")).camera_aim.share / PAPER_OVERFILL
     assert runs.rays == pytest.approx(runs.equivalent * share, rel=1e-4)  # whole rays per screen pixel
     assert full.stack.x.weights.sum() == 20_000
     hits = [float(t.stack.x.hits.sum()) for t in (full, runs)]

@@ -11,13 +11,13 @@ RAYS = np.array([13, 13, 12])  # of each replicate
 
 
 class CountingJob:
-    """A runner.Job. Every ray adds a word of its own, modulo 2^64, to its stream's sum and to all streams'."""
+    """A task.Tracer. Every ray adds a word of its own, modulo 2^64, to its stream's sum and to all streams'."""
 
     sources, max_rays_per_item, first_launch_rays = SOURCES, PER_ITEM, 16
 
     def __init__(self, seed: int = 1, size: int = 1):
         """size: of a stream's sums, all alike but in what each ray adds."""
-        self.rate_meter, self.facts, self.launches = RateMeter(), {"code": "ab" * 16}, []
+        self.rate_meter, self.fingerprint, self.launches = RateMeter(), {"code": "ab" * 16}, []
         self._words = np.arange(1, size + 1, dtype=np.uint64)
         self._seed = np.uint64(seed)
         self.clear()
@@ -26,10 +26,10 @@ class CountingJob:
         self._of_stream = np.zeros((SOURCES, len(self._words)), np.uint64)
         self._of_all = np.zeros(3, np.uint64)
 
-    def launch(self, replicate, part):
-        first_source, sources, first_ray, rays = part
+    def launch(self, replicate, block):
+        first_source, sources, first_ray, rays = block
         assert first_ray % PER_ITEM == 0
-        self.launches.append((replicate, *part))
+        self.launches.append((replicate, *block))
         for source in range(first_source, first_source + sources):
             for ray in range(first_ray, first_ray + rays):
                 word = np.uint64(hash((replicate, source, ray)) & (2**64 - 1)) + self._seed

@@ -24,12 +24,15 @@ from synthetic import small_scene
 from irtscots_cl.execution import checkpoint
 from irtscots_cl.execution import run_loop as runner
 from irtscots_cl.execution.checkpoint import Checkpoints
+from irtscots_cl.execution.executor import RunControl
 from irtscots_cl.tracing.trace import trace
 
 
 def count(keeper: Checkpoints | None, progress) -> bytes:
     kept = None if keeper is None else keeper.file_of({"scene": "count"})
-    return b"".join(a.tobytes() for a in runner.run_rays(CountingJob(size=2000), RAYS, progress, 4, kept))
+    return b"".join(
+        a.tobytes() for a in runner.run_rays(CountingJob(size=2000), RAYS, RunControl(progress, None, kept, 4))
+    )
 
 
 def trace_scene(keeper: Checkpoints | None, progress) -> bytes:

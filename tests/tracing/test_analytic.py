@@ -9,12 +9,12 @@ import pytest
 from lopsided import lopsided
 from scenes import with_part
 from significance import sidak_z
+from tracers import setup_of
 
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.opencl.structs import Fate
-from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.pixel.ray_map import RAYS
-from irtscots_cl.optics.pixel.response import pixel_response
 from irtscots_cl.scene.presets import load_scene, sequential_presets
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.tracing.estimators.analytic import window_edges_mm
@@ -79,7 +79,7 @@ def differences(name, smoothing, rays, device):
 
 def run_coverage(name):
     """Coverage of the pixels in the windows as counted by chief rays, without the closed form."""
-    chief = chief_rays(scene_of(name))
+    chief = setup_of(scene_of(name)).chief_rays
     return chief.footprint.coverage.ravel()[analytic(name).windows.pixels]
 
 
@@ -286,9 +286,7 @@ def test_one_replicate_without_noise():
 
 
 def test_the_same_scene_gives_the_same_bits():
-    first, second = trace(narrow(), estimator="analytic"), None
-    chief_rays.cache_clear()
-    pixel_response.cache_clear()
+    first = trace(narrow(), estimator="analytic")
     second = trace(narrow(), estimator="analytic", seed=99, rays_per_pixel=8, replicates=2)  # which it has no use for
     for axis in "xy":
         np.testing.assert_array_equal(first.flux_w[axis], second.flux_w[axis])

@@ -24,12 +24,12 @@ from path_scenes import (
 from scenes import coarse_screen
 from scipy import stats
 from significance import sidak_z
+from tracers import path_tracer_of
 
+from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.estimators import nonsequential
-from irtscots_cl.tracing.estimators.nonsequential import PathTracer
-from irtscots_cl.tracing.estimators.path_sums import TrackedPaths
 from irtscots_cl.tracing.options import NONSEQUENTIAL, TraceOptions
 
 FAILURE_CHANCE = 1e-6
@@ -73,7 +73,7 @@ def test_a_plate_and_its_ghosts(device):
 
 @pytest.mark.slow
 def test_both_branches_bring_the_light_that_chance_brings(device):
-    first, second = singlet(device, "both", 5), singlet(device, "roulette", 6)
+    first, second = singlet(device, "both", 5), singlet(device, "random", 6)
     for name in (SINGLET, SINGLET_GHOST):
         one, other = path_of(first, name), path_of(second, name)
         assert abs(one.flux_w - other.flux_w) < T * math.hypot(one.standard_error_w, other.standard_error_w), name
@@ -83,7 +83,7 @@ def test_both_branches_bring_the_light_that_chance_brings(device):
 
 def test_of_the_same_rays_both_branches_tell_more(device):
     """The error bar of the direct light and of the ghost: of as many rays, and all of them weigh alike."""
-    both, chance = singlet(device, "both", 5), singlet(device, "roulette", 6)
+    both, chance = singlet(device, "both", 5), singlet(device, "random", 6)
     lower, upper = stats.f.isf([1 - 1e-8, 1e-8], REPLICATES - 1, REPLICATES - 1)
     assert lower > 1 / 12
     # by chance a ghost's ray is drawn with 0.1 twice, and one of a hundred remains
@@ -129,7 +129,7 @@ def test_the_ledger_closes_at_any_bounce_limit(device, limit):
     assert light.paths[0] == path_of(whole, SINGLET)
     assert (SINGLET_GHOST in {path.name for path in light.paths}) == (limit >= 6)  # so many events
     chance = light_of(load_scene("sphere-singlet"), device, bounce_limit=limit, rays_per_pixel=2048, seed=6,
-                      branches="roulette")  # fmt: skip
+                      branches="random")  # fmt: skip
     one, other = (found.losses[-1] for found in (light, chance))
     assert one.name == other.name == "bounce limit"
     assert abs(one.flux_w - other.flux_w) < T * math.hypot(one.standard_error_w, other.standard_error_w)
@@ -139,9 +139,9 @@ def test_the_ledger_closes_at_any_bounce_limit(device, limit):
 def test_rays_that_part_at_the_limit_are_given_up_there(device):
     """All meet the window first, and leave two rays each that go no further."""
     scene = coarse_screen(load_scene("sphere-window"))
-    tracer = PathTracer(scene, device, TraceOptions(NONSEQUENTIAL, seed=7), bounce_limit=1, branches="both")
-    _, sums = tracer.run(np.array([256]), TrackedPaths((), ()))
-    ends = tracer.work.ends(sums, 256 * tracer.sources)
+    tracer = path_tracer_of(scene, device, TraceOptions(NONSEQUENTIAL, seed=7, bounce_limit=1, branches="split"))
+    sums, _ = run_rays(tracer, np.array([256]))
+    ends = tracer.task.light.ends(sums, 256 * tracer.sources)
     assert ends["bounce limit"] == 2 * ends["launched"] == 2 * ends["parted"]
 
 
@@ -168,11 +168,11 @@ def test_no_ray_is_lost_where_very_many_part(device):
     All faces part in halves, so chance changes no weight, and all light is found again, in steps of 2^-20 of a ray.
     """
     scene, rays = half_mirrors(5), np.array([256])
-    tracer = PathTracer(scene, device, TraceOptions(NONSEQUENTIAL, seed=7), branches="both")
-    _, sums = tracer.run(rays, TrackedPaths((), ()))
-    ends = tracer.work.ends(sums, int(rays.sum()) * tracer.sources)
+    tracer = path_tracer_of(scene, device, TraceOptions(NONSEQUENTIAL, seed=7, branches="split"))
+    sums, _ = run_rays(tracer, rays)
+    ends = tracer.task.light.ends(sums, int(rays.sum()) * tracer.sources)
     assert ends["parted"] > 5 * ends["launched"]
     assert ends["failed"] == 0
-    (other,) = tracer.work.fluxes(sums, rays)
-    staying_w = sum(stay.flux_w for stay in tracer.work.losses(sums, rays))
-    assert other.flux_w + staying_w == pytest.approx(tracer.work.launched_w, rel=1e-4, abs=0)
+    (other,) = tracer.task.light.fluxes(sums, rays)
+    staying_w = sum(stay.flux_w for stay in tracer.task.light.losses(sums, rays))
+    assert other.flux_w + staying_w == pytest.approx(tracer.task.launched_w, rel=1e-4, abs=0)

@@ -16,14 +16,13 @@ from path_scenes import PLATE, PLATE_GHOST, PLATE_SECOND, plate_mean, wide
 from scenes import scene_of
 from scipy import stats
 from significance import poisson_ratio_p, sidak_p, sidak_z
+from tracers import path_tracer_of
 
+from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.estimators import nonsequential
-from irtscots_cl.tracing.estimators.analytic import trace_analytic
-from irtscots_cl.tracing.estimators.nonsequential import PathTracer
-from irtscots_cl.tracing.estimators.path_sums import TrackedPaths
 from irtscots_cl.tracing.options import NONSEQUENTIAL, TraceOptions
 from irtscots_cl.tracing.results.paths import KINDS
 from irtscots_cl.tracing.trace import trace, trace_paths
@@ -121,7 +120,7 @@ def test_the_flux_in_watts_is_the_forward_estimators(device, name):
 def test_light_curves_are_the_analytic_ones(device, name, axis):
     """Every sample with 25 rays or more: the rays' noise alone is between them. Analytic flux is in watts too."""
     scene, bins = scene_of(name), pair(name, axis, device)
-    expected = trace_analytic(scene).images(LineScan(scene))
+    expected = trace(scene, estimator="analytic").images(LineScan(scene))
     scan = getattr(expected, axis)
     curves = scan.mean_w()
     images = getattr(light_of(name, device)[0].images(LineScan(scene)), axis)
@@ -452,12 +451,12 @@ def test_replicates_are_independent_parts_of_the_rays(device):
 
 def test_rays_are_given_up_at_the_bounce_limit(device):
     """Of the same rays, two events leave those to be given up that three detect: the detector is the third element."""
-    scene, options = load_scene("sphere"), TraceOptions(NONSEQUENTIAL, seed=81)
+    scene = load_scene("sphere")
     ends = []
     for limit in (1, 2, 3):
-        tracer = PathTracer(scene, device, options, limit, 0.1)
-        _, sums = tracer.run(np.array([512]), TrackedPaths((), ()))
-        ends.append(tracer.work.ends(sums, 512 * tracer.sources))
+        tracer = path_tracer_of(scene, device, TraceOptions(NONSEQUENTIAL, seed=81, bounce_limit=limit))
+        sums, _ = run_rays(tracer, np.array([512]))
+        ends.append(tracer.task.light.ends(sums, 512 * tracer.sources))
     one, two, three = ends
     assert (one["detected"], two["detected"]) == (0, 0)
     assert three["detected"] > 0 and three["bounce limit"] == 0

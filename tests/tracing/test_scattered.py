@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from device_kernels import kernel_text
 from significance import chi_square_p, sidak_p, sidak_z
+from tracers import setup_of
 
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
 from irtscots_cl.opencl.structs import PATH, PRECISIONS, path_job_dtype
-from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.optics.elements.components import components_of
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
@@ -73,7 +73,7 @@ class Scatterer:
     """A mirror that scatters by a model, on the device. lobe, target: as the kernels see them."""
 
     def __init__(self, device, folder, precision, model, aimed):
-        packed = pack(chief_rays(load_scene("sphere")), precision)
+        packed = pack(setup_of(load_scene("sphere")).chief_rays, precision)
         scene = load_scene("sphere")
         scene = replace(scene, mirror=replace(scene.mirror, scatter=model))
         real, components = PRECISIONS[precision], components_of(scene)

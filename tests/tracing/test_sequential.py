@@ -15,6 +15,7 @@ from oracle import tracer
 from scenes import coarse, with_part
 from scipy import stats
 from significance import sidak_p
+from tracers import totals, tracer_of
 
 from irtscots_cl.execution import run_loop as runner
 from irtscots_cl.execution.launch_plan import plan_launches
@@ -24,7 +25,6 @@ from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.screen_windows import place_windows
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.validation import SceneError
-from irtscots_cl.tracing.estimators.sequential import Tracer
 from irtscots_cl.tracing.options import ESTIMATORS, TraceOptions
 from irtscots_cl.tracing.packing.sources import emitters, receivers
 from irtscots_cl.tracing.samplers import SAMPLERS
@@ -296,8 +296,8 @@ def test_counts_do_not_depend_on_the_accumulation(whole, device, monkeypatch):
     tiled = trace(**options)
     monkeypatch.setattr(module, "MAX_TILE_BYTES", 0)
     same(trace(**options), tiled)
-    chief = ChiefRays(options["scene"])
-    sources = [Tracer(chief, device, tiled.options, accumulate=kind).source for kind in (None, "atomic")]
+    scene = options["scene"]
+    sources = [tracer_of(scene, device, tiled.options, accumulate=kind).program.source for kind in (None, "atomic")]
     assert sources[0] == sources[1]  # without room for a tile it is the atomic one
 
 
@@ -309,11 +309,11 @@ def test_counts_do_not_depend_on_the_rays_side_by_side(device, scene, sampler, e
     if device.vector_width("fp32") == 1:
         pytest.skip("this device traces one ray per work-item anyway")
     options = TraceOptions(estimator, sampler, seed=3)
-    chief, rays = ChiefRays(scene), np.array([300, 270])  # not whole blocks
-    wide = Tracer(chief, device, options)
-    narrow = Tracer(chief, device, options, width=1, accumulate="atomic")
-    assert "simd_vector.cl" in wide.source.files and "simd_scalar.cl" in narrow.source.files
-    (counts, fates), (one_by_one, fates_one_by_one) = (part.run(rays) for part in (wide, narrow))
+    rays = np.array([300, 270])  # not whole blocks
+    wide = tracer_of(scene, device, options)
+    narrow = tracer_of(scene, device, options, width=1, accumulate="atomic")
+    assert "simd_vector.cl" in wide.program.source.files and "simd_scalar.cl" in narrow.program.source.files
+    (counts, fates), (one_by_one, fates_one_by_one) = (totals(tracer, rays) for tracer in (wide, narrow))
     assert fates.sum() == fates_one_by_one.sum() == rays.sum() * wide.sources
     # The compiler may contract other products here than there: fewer than 1e-3 of the rays lie so close to an edge
     moved = np.abs(one_by_one.astype(float) - counts).sum()
@@ -364,7 +364,7 @@ def test_windows_grow_until_they_hold_all_light(whole, monkeypatch):
         aside = np.maximum(windows.origins - np.array([3, 0]), 0).astype(np.int32)
         return replace(windows, origins=aside) if margin == 1 else windows
 
-    monkeypatch.setattr(module, "place_windows", beside_at_first)
+    monkeypatch.setattr("irtscots_cl.optics.setup.place_windows", beside_at_first)
     grown = trace(**options)
     assert asked == [1, 2]
     assert grown.counts.sum() == run.counts.sum() and grown.ledger == run.ledger

@@ -15,17 +15,17 @@ from lopsided import lopsided
 from scenes import coarse
 from scipy import stats
 from significance import sidak_p
+from tracers import setup_of, totals, tracer_of
 
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.opencl.structs import PRECISIONS, WEIGHT_ONE, chord_dtype
-from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.screen_windows import place_windows
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
-from irtscots_cl.tracing.estimators.sequential import Tracer
 from irtscots_cl.tracing.options import MAX_SMOOTHED_RAYS, TraceOptions
 from irtscots_cl.tracing.packing.sources import MIN_COSINE4
 from irtscots_cl.tracing.results.transport import line_flux
@@ -97,7 +97,7 @@ class Pair:
             for smoothing, run in runs.items():
                 for axis in "xy":
                     curves[smoothing][axis].append(run.line_flux_w(axis) / one_ray_w)
-        chief = chief_rays(scene)
+        chief = setup_of(scene).chief_rays
         lowest, highest = (edge.reshape(-1, 2)[run.windows.pixels] for edge in chief.landing_range())
         inside = (lowest >= -0.5) & (highest <= np.array(scene.screen.pixels) - 0.5)
         smoothed, plain = ({a: np.concatenate(parts) for a, parts in curves[kind].items()} for kind in (True, False))
@@ -108,7 +108,7 @@ class Pair:
     def directions(self, axis: str) -> dict[str, np.ndarray]:
         """Factors [n] by place in the image, under which errors of opposite sign do not cancel."""
         row, column = np.divmod(self.pixels, self.scene.camera.detector.pixels[0])
-        footprint = chief_rays(self.scene).footprint
+        footprint = setup_of(self.scene).chief_rays.footprint
         x, y = (np.nan_to_num(at.ravel()[self.pixels]) for at in (footprint.x_mm, footprint.y_mm))
         radius = np.hypot(x, y)
         between = (self.scene.mirror.obscuration_mm + self.scene.mirror.diameter_mm) / 4
@@ -254,7 +254,7 @@ def replicate_centroids(scene, device, smoothing, sampler="philox"):
     """Centroids [replicates, n, 2] in mm of whole pixels, 256 rays each."""
     run = trace(scene, device=device, rays_per_pixel=8 * 256, sampler=sampler, seed=5, smoothing=smoothing)
     stack = run.images(LineScan(scene))
-    whole = chief_rays(scene).footprint.coverage.ravel()[run.windows.pixels] == 1
+    whole = setup_of(scene).chief_rays.footprint.coverage.ravel()[run.windows.pixels] == 1
     return np.stack([centroids(scan, scan.flux_w)[:, whole] for scan in (stack.x, stack.y)], -1)
 
 
@@ -318,10 +318,10 @@ def test_light_does_not_depend_on_the_accumulation(whole_run, device, monkeypatc
     if device.kind != "cpu":
         pytest.skip("this device accumulates by atomics only")
     options, run = whole_run
-    chief = chief_rays(options["scene"])
-    assert "accumulate_tile.cl" in Tracer(chief, device, run.options, rays=1250).source.files
+    scene = options["scene"]
+    assert "accumulate_tile.cl" in tracer_of(scene, device, run.options, rays=1250).program.source.files
     monkeypatch.setattr(module, "MAX_TILE_BYTES", 0)
-    assert "accumulate_atomic.cl" in Tracer(chief, device, run.options, rays=1250).source.files
+    assert "accumulate_atomic.cl" in tracer_of(scene, device, run.options, rays=1250).program.source.files
     same(trace(**options), run)
 
 
@@ -338,13 +338,13 @@ def test_light_does_not_depend_on_the_rays_side_by_side(whole_run, device, sampl
         pytest.skip("this device traces one ray per work-item anyway")
     scene, rays = whole_run[0]["scene"], np.array([300, 270])  # not whole blocks
     options = TraceOptions(sampler=sampler, seed=3, smoothing=True)
-    wide = Tracer(chief_rays(scene), device, options)
-    narrow = Tracer(chief_rays(scene), device, options, width=1, accumulate="atomic")
-    assert "simd_vector.cl" in wide.source.files and "simd_scalar.cl" in narrow.source.files
-    (counts, fates), (one_by_one, fates_one_by_one) = (part.run(rays) for part in (wide, narrow))
+    wide = tracer_of(scene, device, options)
+    narrow = tracer_of(scene, device, options, width=1, accumulate="atomic")
+    assert "simd_vector.cl" in wide.program.source.files and "simd_scalar.cl" in narrow.program.source.files
+    (counts, fates), (one_by_one, fates_one_by_one) = (totals(tracer, rays) for tracer in (wide, narrow))
     assert fates.sum() == fates_one_by_one.sum() == rays.sum() * wide.sources
     assert np.abs(fates_one_by_one.astype(float) - fates).max() <= 1e-3 * fates.sum()  # rays so close to an edge
-    first, second = (line_flux(c, wide.windows, np.ones((1, 1)), rays) for c in (counts, one_by_one))
+    first, second = (line_flux(c, wide.task.windows, np.ones((1, 1)), rays) for c in (counts, one_by_one))
     for axis in "xy":
         moved = np.abs(first[axis] - second[axis]).sum() / first[axis].sum()
         assert moved < 2e-5  # other contractions of products: 1e-6 of a line at the two ends of a chord of 5 lines
@@ -377,9 +377,9 @@ def test_the_ledger_closes_and_is_the_plain_one(whole_run):
 
 def test_all_that_is_put_on_is_taken_off(whole_run, device):
     options, _ = whole_run
-    tracer = Tracer(chief_rays(options["scene"]), device, TraceOptions(smoothing=True))
-    counts, _ = tracer.run(np.array([500, 300]))
-    split = tracer.windows.columns + 2
+    tracer = tracer_of(options["scene"], device, TraceOptions(smoothing=True))
+    counts, _ = totals(tracer, np.array([500, 300]))
+    split = tracer.task.windows.columns + 2
     for part in (counts[..., :split], counts[..., split:]):
         second = part.view(np.int64)
         assert (second.sum(-1) == 0).all()  # the light stops rising
@@ -398,7 +398,7 @@ def test_windows_grow_until_they_hold_all_light(whole_run, monkeypatch):
         aside = np.maximum(windows.origins - np.array([0, 3]), 0).astype(np.int32)
         return replace(windows, origins=aside) if margin == 1 else windows
 
-    monkeypatch.setattr(module, "place_windows", beside_at_first)
+    monkeypatch.setattr("irtscots_cl.optics.setup.place_windows", beside_at_first)
     grown = trace(**options)
     assert asked == [1, 2] and grown.ledger == run.ledger
     for axis in "xy":  # another window start moves the rounding of every place
@@ -460,7 +460,7 @@ def test_line_flux_adds_up_second_differences_in_twos_complement():
     second = [np.diff(np.pad(of, ((0, 0), (0, 0), (1, 2))), axis=-1) for of in light.values()]
     counts = np.concatenate(second, -1).view(np.uint64)
     assert counts.shape[-1] == 5 + 2 + 9 + 2 and (counts > 2**63).any()
-    windows = replace(place_windows(chief_rays(coarse(load_scene("sphere"))), 1), columns=5, rows=9)
+    windows = replace(place_windows(setup_of(coarse(load_scene("sphere"))).chief_rays, 1), columns=5, rows=9)
     unit, rays = random.random((7, 1)), np.array([1, 2, 5])
     flux = line_flux(counts, windows, unit, rays)
     for axis, of in light.items():

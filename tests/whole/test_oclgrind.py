@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oclgrind import HOW_TO_GET_IT, Oclgrind, has_oclgrind
+from tracers import setup_of, totals, tracer_of
 
+from irtscots_cl.execution.launch_plan import RayBlock
 from irtscots_cl.opencl import program, selftest
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose, kernel_files
-from irtscots_cl.optics.chief_rays import chief_rays
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
@@ -26,7 +27,6 @@ from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
 from irtscots_cl.tracing.checks.probes import BLOCK, MeetProbe, PathProbe
 from irtscots_cl.tracing.estimators import nonsequential
 from irtscots_cl.tracing.estimators import sequential as tracer
-from irtscots_cl.tracing.estimators.sequential import Tracer
 from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.packing.sources import emitters, receivers
 from irtscots_cl.tracing.trace import trace_paths
@@ -89,8 +89,8 @@ MIRRORS = {
 
 def traced(scene: Scene, device: Device, options: TraceOptions, accumulate: str, rays: int = 5) -> np.ndarray:
     """Rays by fate."""
-    run = Tracer(chief_rays(scene), device, options, accumulate=accumulate)
-    _, fates = run.run(np.array([rays]))
+    run = tracer_of(scene, device, options, accumulate=accumulate)
+    _, fates = totals(run, np.array([rays]))
     assert fates.sum() == rays * run.sources  # or the kernel did not run
     return fates
 
@@ -154,7 +154,7 @@ BLOCKS = 264  # more than a block
 
 
 @pytest.mark.parametrize(
-    ("kind", "branches"), [*((kind, "roulette") for kind in PATHS), ("singlet", "both"), ("coated", "both")]
+    ("kind", "branches"), [*((kind, "random") for kind in PATHS), ("singlet", "split"), ("coated", "split")]
 )
 @pytest.mark.parametrize("width", WIDTHS)
 def test_nonsequential(oclgrind, width, kind, branches, monkeypatch):
@@ -172,14 +172,14 @@ def test_nonsequential(oclgrind, width, kind, branches, monkeypatch):
 def test_probes(oclgrind, width, entry, monkeypatch):
     device, scene, random = oclgrind.device(width), MIRRORS["power"], np.random.default_rng(1)
     words = random.integers(0, 2**32, (BLOCK, 4), dtype=np.uint32)
-    chief = chief_rays(scene)
+    chief = setup_of(scene).chief_rays
     if entry == "meet":
         MeetProbe(device, scene, "fp32")(random.uniform(-0.05, 0.05, (4, 13)).astype(np.float32))
     elif entry == "adjoint":
         sources = receivers(chief, np.zeros(BLOCK, int), np.zeros((BLOCK, 2), np.int32), "fp32")
         PathProbe(device, scene, "fp32", "adjoint")(sources, words)
     elif entry == "forward":
-        sources, _ = emitters(chief, "fp32", 1.0, "mirror")
+        sources, _ = emitters(setup_of(scene), "fp32", 1.0, "mirror")
         PathProbe(device, scene, "fp32", "forward")(np.repeat(sources[:1], BLOCK), words)
     elif entry == "sums":
         work = Workspace(device, compose("probe_sums.cl", {}, {}, "fp32", 1), "probe_sums")
@@ -194,8 +194,8 @@ def test_probes(oclgrind, width, entry, monkeypatch):
     elif entry == "device":
         selftest.probe(device)
     else:
-        run = Tracer(chief, device, TraceOptions("forward"), accumulate="none")
-        run.launch(0, (0, run.sources, 0, 3))
+        run = tracer_of(scene, device, TraceOptions("forward"), accumulate="none")
+        run.launch(0, RayBlock(0, run.sources, 0, 3))
     assert oclgrind.complaints() == []
 
 
@@ -231,8 +231,8 @@ def test_faults_are_found(oclgrind, fault, monkeypatch):
             trace_paths(PATHS["plain"], device=device, rays_per_pixel=RAYS, replicates=1)
     else:
         estimator = "forward" if name in ("trace_forward.cl", "window.cl", "sum64.cl") else "adjoint"
-        run = Tracer(chief_rays(MIRRORS["nominal"]), device, TraceOptions(estimator))
-        run.run(np.array([16]))
+        run = tracer_of(MIRRORS["nominal"], device, TraceOptions(estimator))
+        totals(run, np.array([16]))
     found = oclgrind.complaints()
     assert any(complaint in line for line in found), found
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from irtscots_cl.execution.dask.run import WAIT_SECONDS, ClusterRun
 from irtscots_cl.execution.dask.tasks import CodeError, WorkerError, call_on_device, code_differs, code_hash, greet
-from irtscots_cl.execution.job import TraceSums, Work
+from irtscots_cl.execution.executor import RunControl, TraceSums
+from irtscots_cl.execution.task import TraceTask
 from irtscots_cl.opencl.device import DeviceError, describe_together, merge_descriptions
 
 CONNECT_SECONDS = 10.0
@@ -39,7 +40,7 @@ def connect(address: str):
 
 
 class DaskExecutor:
-    """The workers of a Dask cluster as a crew.Site: those that there are, and those that join.
+    """The workers of a Dask cluster as an executor.Executor: those that there are, and those that join.
 
     A worker whose devices fail is left out, and the log says so. Raises CodeError if a worker runs other code, and
     DeviceError if there is no worker for WAIT_SECONDS, or all have failed.
@@ -50,12 +51,10 @@ class DaskExecutor:
         self._wait_for_workers()
         self._greet_workers()
 
-    def run(
-        self, work: Work, rays: np.ndarray, progress=None, launch_rays=None, kept=None, finished=None
-    ) -> TraceSums:
-        """launch_rays: rays of a task, instead of timing. kept: gets whole replicates, in their order."""
+    def run(self, task: TraceTask, rays: np.ndarray, control: RunControl = RunControl()) -> TraceSums:  # noqa: B008
+        """control.launch_rays: rays of a task, instead of timing. Its checkpoint gets whole replicates, in order."""
         started = time.perf_counter()
-        run = ClusterRun(self, work, rays, progress, launch_rays, kept, finished)
+        run = ClusterRun(self, task, rays, control)
         try:
             run.finish()
         finally:

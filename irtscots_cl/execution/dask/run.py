@@ -13,17 +13,17 @@ import numpy as np
 if TYPE_CHECKING:
     from irtscots_cl.execution.dask.cluster import DaskExecutor
 from irtscots_cl.execution.dask.tasks import (
-    RayBlock,
     WorkerError,
     add_up,
     code_hash,
     fingerprint_of,
     merged,
     speed_of,
-    trace_part,
+    trace_block,
 )
-from irtscots_cl.execution.job import Work
-from irtscots_cl.execution.launch_plan import Cursor, plan_launches
+from irtscots_cl.execution.executor import RunControl
+from irtscots_cl.execution.launch_plan import Cursor, RayBlock, plan_launches
+from irtscots_cl.execution.task import TraceTask
 from irtscots_cl.opencl.device import DeviceError
 
 TASK_SECONDS = 4.0  # of a task: long beside what the scheduler does for it, short beside what a lost worker costs
@@ -38,34 +38,34 @@ WAIT_SECONDS = 60.0  # for a worker, where there is none
 POLL_SECONDS = 1.0  # between looks at which workers there are
 
 
-def task_seconds(work: Work, threads: int) -> tuple[float, float]:
+def task_seconds(task: TraceTask, threads: int) -> tuple[float, float]:
     """How long a task with so many threads of workers should take: at least, near the end, and as a rule."""
-    bytes_of_sums, for_scheduler = 8 * sum(int(np.prod(s)) for s in work.sums_shapes), threads * SCHEDULER_SECONDS
+    bytes_of_sums, for_scheduler = 8 * sum(int(np.prod(s)) for s in task.sums_shapes), threads * SCHEDULER_SECONDS
     rule = max(TASK_SECONDS, bytes_of_sums / SUM_BYTES_PER_SECOND, for_scheduler)
     return max(MIN_TASK_SECONDS, for_scheduler), rule
 
 
 class ClusterRun:
-    """One run of a work's rays: parts in flight, their partial sums, the replicates' totals.
+    """One run of a task's rays: blocks in flight, their partial sums, the replicates' totals.
 
-    sums: the result, as runner.run_rays has it. ran: address -> rays, tasks, seconds, kernels, device.
+    sums: the result, as run_loop.run_rays returns it. ran: address -> rays, tasks, seconds, kernels, device.
     """
 
     def __init__(
-        self, cluster: DaskExecutor, work: Work, rays: np.ndarray, progress, task_rays: int | None, kept, finished
+        self, cluster: DaskExecutor, task: TraceTask, rays: np.ndarray, control: RunControl
     ):
-        self._cluster, self._work, self._progress, self._task_rays = cluster, work, progress, task_rays
-        self._finished = finished
-        self._code, self._kind, self._task_json, self._kept = code_hash(), type(work), work.to_json(), kept
-        self.sums = tuple(np.zeros((len(rays), *shape), np.uint64) for shape in work.sums_shapes)
+        self._cluster, self._task, self._control = cluster, task, control
+        self._code, self._kind, self._task_json = code_hash(), type(task), task.to_json()
+        checkpoint = control.checkpoint
+        self.sums = tuple(np.zeros((len(rays), *shape), np.uint64) for shape in task.sums_shapes)
         self._place, self._end = Cursor(), Cursor(len(rays))  # all before the place is in the sums
-        if kept is not None:
+        if checkpoint is not None:
             facts = cluster.call(fingerprint_of, self._kind, self._task_json)
-            self._place = kept.begin(facts, rays, work.sources, work.max_rays_per_item, self.sums)
-        self._total, self._speeds, self._again = int(rays.sum()) * work.sources, [], []
-        before = self._place.rays_before(rays, work.sources)
+            self._place = checkpoint.begin(facts, rays, task.sources, task.max_rays_per_item, self.sums)
+        self._total, self._speeds, self._again = int(rays.sum()) * task.sources, [], []
+        before = self._place.rays_before(rays, task.sources)
         self._to_cut, self._left = self._total - before, []  # rays not yet cut into parts, not yet traced by replicate
-        for whole in (int(per_source) * work.sources for per_source in rays):
+        for whole in (int(per_source) * task.sources for per_source in rays):
             self._left.append(whole - min(before, whole))
             before -= min(before, whole)
         self._parts = self._cut(rays)
@@ -78,11 +78,11 @@ class ClusterRun:
 
     def finish(self) -> None:
         """Run to the end. Raises as Cluster says."""
-        if self._progress is not None and self._place != Cursor():
-            self._progress(self._total - sum(self._left), self._total)
+        if self._control.progress is not None and self._place != Cursor():
+            self._control.progress(self._total - sum(self._left), self._total)
         while self._place != self._end:
-            if self._kept is not None and self._kept.ends:
-                self._kept.launched(self._place, self.kernel_seconds, lambda: None)
+            if self._control.checkpoint is not None and self._control.checkpoint.ends:
+                self._control.checkpoint.launched(self._place, self.kernel_seconds, lambda: None)
             self._look_at_workers()
             self._top_up()
             try:
@@ -92,8 +92,8 @@ class ClusterRun:
             if key in self._out:
                 future, then, arguments = self._out.pop(key)
                 then(future, *arguments)
-        if self._kept is not None:
-            self._kept.ended(self._place, self.kernel_seconds)
+        if self._control.checkpoint is not None:
+            self._control.checkpoint.ended(self._place, self.kernel_seconds)
 
     @property
     def kernel_seconds(self) -> float:
@@ -109,21 +109,21 @@ class ClusterRun:
     # parts of the rays
 
     def _cut(self, rays: np.ndarray):
-        sources, per_item, start = self._work.sources, self._work.max_rays_per_item, self._place
+        sources, per_item, start = self._task.sources, self._task.max_rays_per_item, self._place
         for replicate in range(start.replicate, len(rays)):
-            for part in plan_launches(sources, int(rays[replicate]), self._next_rays, per_item, start):
-                self._to_cut -= part[1] * part[3]
-                yield replicate, part
+            for block in plan_launches(sources, int(rays[replicate]), self._next_rays, per_item, start):
+                self._to_cut -= block.total
+                yield replicate, block
             start = Cursor()
 
     def _next_rays(self) -> int:
         """Rays of the next part: some seconds' worth, less near the end, little before a speed is known."""
-        if self._task_rays is not None:
-            return self._task_rays
+        if self._control.launch_rays is not None:
+            return self._control.launch_rays
         share = self._to_cut // (TASKS_PER_THREAD * max(1, sum(self._threads.values()))) + 1
         if not self._speeds:
-            return min(self._work.first_launch_rays, share)
-        speed, (least, most) = median(self._speeds), task_seconds(self._work, sum(self._threads.values()))
+            return min(self._task.first_launch_rays, share)
+        speed, (least, most) = median(self._speeds), task_seconds(self._task, sum(self._threads.values()))
         return int(min(speed * most, max(share, speed * least))) + 1
 
     def _top_up(self) -> None:
@@ -133,30 +133,30 @@ class ClusterRun:
             entry = self._again.pop() if self._again else next(self._parts, None)
             if entry is None:
                 return
-            replicate, part = entry
+            replicate, block = entry
             only = set(self._threads) if self._cluster.failed else None
             future = self._cluster.submit(
-                trace_part, self._code, self._kind, self._task_json, replicate, part, only=only
+                trace_block, self._code, self._kind, self._task_json, replicate, block, only=only
             )
             self._parts_out += 1
-            self._watch(future, self._traced, replicate, part)
+            self._watch(future, self._traced, replicate, block)
             self._only[future.key] = only
 
     def _watch(self, future, then: Callable, *arguments: Any) -> None:
         self._out[future.key] = future, then, arguments
         future.add_done_callback(lambda done: self._done.put(done.key))
 
-    def _traced(self, future, replicate: int, part: RayBlock) -> None:
+    def _traced(self, future, replicate: int, block: RayBlock) -> None:
         self._parts_out -= 1
         del self._only[future.key]
         if not self._is_well(future):
-            self._again.append((replicate, part))
+            self._again.append((replicate, block))
             return
-        if len(self._speeds) < TIMED_TASKS and self._task_rays is None:
+        if len(self._speeds) < TIMED_TASKS and self._control.launch_rays is None:
             self._watch(self._cluster.client.submit(speed_of, future, pure=False, priority=2), self._timed)
-        self._left[replicate] -= part[1] * part[3]
-        if self._progress is not None:
-            self._progress(self._total - sum(self._left), self._total)
+        self._left[replicate] -= block.total
+        if self._control.progress is not None:
+            self._control.progress(self._total - sum(self._left), self._total)
         self._add(replicate, 0, future)
         if not self._left[replicate]:
             rest = [of_level for level in self._levels[replicate] for of_level in level]
@@ -193,10 +193,10 @@ class ClusterRun:
         self._complete.add(replicate)
         while self._place.replicate in self._complete:
             self._place = Cursor(self._place.replicate + 1)
-            if self._finished is not None and self._place != self._end:
-                self._finished(tuple(array[: self._place.replicate] for array in self.sums))
-        if self._kept is not None and self._place != self._end:
-            self._kept.launched(self._place, self.kernel_seconds, lambda: None)
+            if self._control.on_replicate is not None and self._place != self._end:
+                self._control.on_replicate(tuple(array[: self._place.replicate] for array in self.sums))
+        if self._control.checkpoint is not None and self._place != self._end:
+            self._control.checkpoint.launched(self._place, self.kernel_seconds, lambda: None)
 
     # what goes wrong
 

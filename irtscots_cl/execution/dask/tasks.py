@@ -11,20 +11,19 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from irtscots_cl.execution.checkpoint_file import Fingerprint
 from irtscots_cl.execution.device_pool import open_pool
-from irtscots_cl.execution.job import Job, Work
-from irtscots_cl.execution.launch_plan import cut_part
+from irtscots_cl.execution.device_tracer import DeviceTracer
+from irtscots_cl.execution.launch_plan import RayBlock, cut_block
 from irtscots_cl.execution.local import LocalExecutor
+from irtscots_cl.execution.task import Tracer, TraceTask
 from irtscots_cl.opencl.device import Device, DeviceError, describe_together, select_devices
 from irtscots_cl.opencl.program import kernels_folder
-
-RayBlock = tuple[int, int, int, int]  # first stream, streams, first ray, rays: as launches.plan_launches gives it
 
 
 class WorkerError(RuntimeError):
@@ -59,35 +58,36 @@ def greet() -> dict[str, Any]:
     return {"code": code_hash(), "unusable": "", "about": LocalExecutor(devices).device_identity(), "device": facts}
 
 
-def fingerprint_of(device: Device, kind: type[Work], task_json: str) -> Fingerprint:
-    """The facts of the work's job on a device."""
-    return kind.from_json(task_json).build(device).facts
+def fingerprint_of(device: Device, kind: type[TraceTask], task_json: str) -> Fingerprint:
+    """What the sums of a task on a device depend on."""
+    return kind.from_json(task_json).program(device).fingerprint
 
 
-def trace_part(code: str, kind: type[Work], task_json: str, replicate: int, part: RayBlock) -> dict[str, Any]:
-    """The task: sums of a part's rays, and on which worker ("ran": address -> rays, tasks, seconds, device).
+def trace_block(code: str, kind: type[TraceTask], task_json: str, replicate: int, block: RayBlock) -> dict[str, Any]:
+    """The task: sums of a block's rays, and on which worker ("ran": address -> rays, tasks, seconds, device).
 
     code: the caller's code_hash(). kind, wire: the work. Raises WorkerError, CodeError.
     """
     address = _check_code(code)
     try:
         with _guard:  # one at a time, also where a worker has many threads: they would share a device's buffers
-            job, facts = _job(kind, task_json)
-            job.clear()
-            job.rate_meter.kernel_seconds, started = 0.0, time.perf_counter()
-            pieces = cut_part(part, lambda: job.rate_meter.launch_rays(job.first_launch_rays), job.max_rays_per_item)
+            tracer, describe = _tracer(kind, task_json)
+            tracer.clear()
+            tracer.rate_meter.kernel_seconds, started = 0.0, time.perf_counter()
+            meter, first = tracer.rate_meter, tracer.first_launch_rays
+            pieces = cut_block(block, lambda: meter.launch_rays(first), tracer.max_rays_per_item)
             for piece in pieces:
-                job.launch(replicate, piece)
-            sums, seconds = job.sums(), time.perf_counter() - started
+                tracer.launch(replicate, piece)
+            sums, seconds = tracer.sums(), time.perf_counter() - started
     except DeviceError as error:
-        _forget_job()
+        _forget_tracer()
         raise WorkerError(address, str(error)) from None
-    ran = {"rays": part[1] * part[3], "tasks": 1, "seconds": seconds, "kernels": job.rate_meter.kernel_seconds}
-    return {"sums": list(sums), "ran": {address: ran | {"device": facts()}}}
+    ran = {"rays": block.total, "tasks": 1, "seconds": seconds, "kernels": tracer.rate_meter.kernel_seconds}
+    return {"sums": list(sums), "ran": {address: ran | {"device": describe()}}}
 
 
 def add_up(*found: dict[str, Any]) -> dict[str, Any]:
-    """The task that adds results of trace_part and of itself."""
+    """The task that adds results of trace_block and of itself."""
     sums = [array.copy() for array in found[0]["sums"]]  # a task's input is not its to change
     for other in found[1:]:
         for array, more in zip(sums, other["sums"], strict=True):
@@ -96,7 +96,7 @@ def add_up(*found: dict[str, Any]) -> dict[str, Any]:
 
 
 def speed_of(found: dict[str, Any]) -> float:
-    """Rays per second of a result of trace_part."""
+    """Rays per second of a result of trace_block."""
     (ran,) = found["ran"].values()
     return ran["rays"] / max(ran["seconds"], 1e-6)
 
@@ -122,20 +122,22 @@ def _check_code(code: str) -> str:
 
 
 _guard = threading.Lock()
-_warm: dict[tuple[type, str], tuple[ExitStack, Job, Callable[[], dict]]] = {}  # the last job: warm for the next part
+# The last task's tracer: warm for the next block.
+_warm: dict[tuple[type, str], tuple[ExitStack, Tracer, Callable[[], dict]]] = {}
 
 
-def _job(kind: type[Work], task_json: str) -> tuple[Job, Callable[[], dict]]:
+def _tracer(kind: type[TraceTask], task_json: str) -> tuple[Tracer, Callable[[], dict]]:
     if (kind, task_json) not in _warm:
-        _forget_job()
+        _forget_tracer()
         stack = ExitStack()
-        job, facts = stack.enter_context(open_pool(select_devices(), kind.from_json(task_json).build))
-        _warm[kind, task_json] = stack, job, facts
-    _, job, facts = _warm[kind, task_json]
-    return job, facts
+        pool = open_pool(select_devices(), partial(DeviceTracer, kind.from_json(task_json)))
+        tracer, describe = stack.enter_context(pool)
+        _warm[kind, task_json] = stack, tracer, describe
+    _, tracer, describe = _warm[kind, task_json]
+    return tracer, describe
 
 
-def _forget_job() -> None:
+def _forget_tracer() -> None:
     for stack, _, _ in _warm.values():
         stack.close()
     _warm.clear()

@@ -9,15 +9,13 @@ over the pixel's own area is a sum over cells (quadrature.py).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
 
-from irtscots_cl.optics.chief_rays import ChiefRays, chief_rays
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.pixel.chord import MIN_HALF_BOX, Chord, chord_integrals
 from irtscots_cl.optics.pixel.quadrature import PixelQuadrature, cut_cells, join, whole_cells, without
 from irtscots_cl.optics.pixel.ray_map import RayMap
-from irtscots_cl.scene.model import Scene
 
 MAX_RESIDUAL = 2e-3  # of the aperture image's radius: largest residual of a map's fit
 MAX_BEND = 0.02  # of the same radius: beyond it the first order in Q is wrong by more than 4e-4
@@ -223,9 +221,3 @@ class PixelResponse:
             slope = maps.gradient(output, along, cells.s, cells.t)
             centre = centre + (maps.term(output, 2 * along) + growth * slope) * half**2 / 3
         return centre
-
-
-@lru_cache(maxsize=4)
-def pixel_response(scene: Scene) -> PixelResponse:
-    """The light of all pixels of a scene. Calls with the same scene share one result."""
-    return PixelResponse.of(chief_rays(scene))

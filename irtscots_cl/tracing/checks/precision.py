@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from irtscots_cl.opencl.device import Device
-from irtscots_cl.optics.chief_rays import chief_rays
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import parse_scene
 from irtscots_cl.tracing.checks.probes import BLOCK, PathProbe, uniform_centred
@@ -21,12 +21,12 @@ MAX_SLOPE_URAD = 0.1  # rms of a ray: what sampling by lines does to the paper's
 _SEED = 5
 
 
-def rounding_slope_urad(scene: Scene, device: Device, precision: str) -> float:
+def rounding_slope_urad(setup: Setup, device: Device, precision: str) -> float:
     """Rms error of single rays' landing points, as the slope of the mirror that would do the same, in urad.
 
     Infinite where a ray that the host follows to the screen is lost on the device. Raises DeviceError as a trace does.
     """
-    chief = chief_rays(scene)
+    scene, chief = setup.scene, setup.chief_rays
     visible = np.flatnonzero(chief.sees_mirror)
     pixels = visible[np.linspace(0, len(visible) - 1, PIXELS).astype(int)]
     sources = receivers(chief, pixels, np.zeros((PIXELS, 2), int), precision)
@@ -50,14 +50,14 @@ def check_precision_on(device: Device, scene_toml: str, precision: str, source: 
     check_precision_of_scene(parse_scene(scene_toml), device, precision, source)
 
 
-def check_precision_of_scene(scene: Scene, device: Device, precision: str, source: str) -> None:
+def check_precision_of_scene(scene: Scene | Setup, device: Device, precision: str, source: str) -> None:
     """Refuse a precision that is too coarse for the scene, with a ValueError that says what would do.
 
     source: the scene's file or preset, for the message. Double precision is taken as it is.
     """
     if precision == "fp64":
         return
-    error = rounding_slope_urad(scene, device, precision)
+    error = rounding_slope_urad(Setup.of(scene), device, precision)
     if error > MAX_SLOPE_URAD:
         enough = "fp64" if device.has_fp64 else "fp64, on a device that has double precision"
         raise ValueError(

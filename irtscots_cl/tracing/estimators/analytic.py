@@ -11,10 +11,11 @@ import time
 import numpy as np
 
 from irtscots_cl.opencl.structs import Fate
-from irtscots_cl.optics.chief_rays import check_visible, chief_rays
+from irtscots_cl.optics.chief_rays import check_visible
 from irtscots_cl.optics.pixel.ray_map import RAYS
-from irtscots_cl.optics.pixel.response import PixelResponse, pixel_response
-from irtscots_cl.optics.screen_windows import Windows, place_windows
+from irtscots_cl.optics.pixel.response import PixelResponse
+from irtscots_cl.optics.screen_windows import Windows
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
 from irtscots_cl.tracing.results.transport import LineLight, ledger_from
@@ -25,7 +26,7 @@ HOST = {
 }  # fmt: skip
 
 
-def trace_analytic(scene: Scene) -> LineLight:
+def trace_analytic(setup: Setup) -> LineLight:
     """The light curves of a scene's line scans, in float64 on the host.
 
     The ledger counts the rays that the pixels' maps are fitted to, by what becomes of their pixel's light: detected,
@@ -33,9 +34,9 @@ def trace_analytic(scene: Scene) -> LineLight:
     Raises SceneError if no pixel sees the screen.
     """
     started = time.perf_counter()
-    chief = chief_rays(scene)
-    check_visible(chief, f"scene {scene.name}")
-    windows, pixels = place_windows(chief, MARGIN), pixel_response(scene)
+    scene = setup.scene
+    check_visible(setup.chief_rays, f"scene {scene.name}")
+    windows, pixels = setup.windows(MARGIN), setup.pixel_response
     fate = _fates(pixels, windows)
     area = np.pi / 4 * scene.camera.aperture_diameter_mm**2 * scene.camera.detector.pitch_mm**2
     gain = scene.screen.radiance * scene.mirror.reflectance * scene.camera.transmittance

@@ -1,158 +1,209 @@
-"""The non-sequential estimator: light goes from element to element in any order, and is kept by its path."""
+"""The non-sequential estimator: light goes from element to element in any order, and is counted by its path."""
 
 from __future__ import annotations
 
+import json
+import time
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+
 import numpy as np
 
-from irtscots_cl.execution.checkpoint import Checkpoint
 from irtscots_cl.execution.checkpoint_file import hash_of
-from irtscots_cl.execution.launch_plan import RateMeter, plan_launches
-from irtscots_cl.execution.run_loop import run_rays
+from irtscots_cl.execution.device_tracer import DeviceTracer
+from irtscots_cl.execution.executor import Executor, RunControl
+from irtscots_cl.execution.launch_plan import RayBlock, plan_launches
+from irtscots_cl.execution.task import TraceProgram
 from irtscots_cl.opencl.device import Device
-from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import Source, check_precision, compose
 from irtscots_cl.opencl.structs import PATH, PRECISIONS
-from irtscots_cl.optics.chief_rays import chief_rays
-from irtscots_cl.optics.elements.components import Component
-from irtscots_cl.scene.model import Scene
-from irtscots_cl.tracing.estimators.path_sums import TRACKED_PATHS, PathSums, TrackedPaths
+from irtscots_cl.optics.chief_rays import check_visible
+from irtscots_cl.optics.elements.components import Component, components_of
+from irtscots_cl.optics.elements.media import check_media
+from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.presets import parse_scene
+from irtscots_cl.scene.validation import SceneError
+from irtscots_cl.system.memory import check_memory
+from irtscots_cl.tracing.estimators.path_sums import ENDS, TRACKED_PATHS, PathSums, TrackedPaths, ledger_of
 from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.packing.components import pack_elements, pack_scatter, path_job
 from irtscots_cl.tracing.packing.launch import launch_structure
 from irtscots_cl.tracing.packing.scene import pack
-from irtscots_cl.tracing.results.paths import MAX_EVENTS
+from irtscots_cl.tracing.packing.sources import emitters
+from irtscots_cl.tracing.results.paths import KINDS, PathLight
 
 PILOT_RAYS = 2**22  # that look for paths
 PILOT = 2**20  # their replicate, which no run has
-FOUND_SIZE = 2**20  # detected rays that a pilot can tell of
-MIN_CHANCE = 0.1  # of either branch at an interface
+FOUND_SIZE = 2**20  # detected rays that a pilot can list
 MAX_RAYS_PER_ITEM = 2**16
 FIRST_LAUNCH_RAYS = 2**20  # before a launch has been timed
+MAX_IMAGE_BYTES = 2**31
+NONE_TRACKED = TrackedPaths()
 
 
-class PathWork(PathSums):
-    """The rays of a non-sequential trace: a crew.Work."""
+def trace_by_path(
+    setup: Setup, executor: Executor, options: TraceOptions, rays: np.ndarray, control: RunControl, finished=None
+) -> PathLight:
+    """Look for the paths that reach the detector, then trace rays [replicates] per screen pixel.
 
-    def __init__(self, scene: Scene, options: TraceOptions, **how):
-        super().__init__(scene, options, **how)
-        self.max_rays_per_item, self.first_launch_rays = MAX_RAYS_PER_ITEM, FIRST_LAUNCH_RAYS
+    finished: as of trace.trace. Raises SceneError if no path reaches the detector.
+    """
+    started = time.perf_counter()
+    task, scene = PathTask(setup, options), setup.scene
+    size = 2 * 8 * len(rays) * int(np.prod(task.sums_shapes[1]))  # as integers and in watts
+    check_memory(f"scene {scene.name}: images of {len(rays)} replicates", size)
+    tracked = TrackedPaths(*map(tuple, executor.call(find_paths, task)))
+    if not tracked.codes:
+        raise SceneError(
+            f"scene {scene.name}: detector: no path from the screen reaches it; must be reached by one of "
+            f"{pilot_rays(task) * task.sources} rays that look for paths"
+        )
+    task = replace(task, tracked=tracked)
+    found = time.perf_counter() - started
 
-    def build(self, device: Device) -> PathTracer:
-        tracer = PathTracer(self.scene, device, self.options, **self.how, work=self)
-        tracer.track(self.tracked)
-        return tracer
+    def so_far(sums: tuple[np.ndarray, ...]) -> None:
+        seconds = {"build": found, "trace": 0.0, "kernels": 0.0}
+        finished(task.result(*sums, rays[: len(sums[0])], executor.describe(), seconds))
+
+    ran = executor.run(task, rays, replace(control, on_replicate=None if finished is None else so_far))
+    before = {"build": found} | ({} if control.checkpoint is None else control.checkpoint.seconds)
+    seconds = {name: ran.seconds[name] + before.get(name, 0.0) for name in ran.seconds}
+    return task.result(*ran.sums, rays, ran.device, seconds)
 
 
-class PathTracer:
-    """The kernel and buffers of one scene on one device.
+@dataclass(frozen=True)
+class PathTask:
+    """A non-sequential trace: an execution.task.TraceTask.
 
-    source: what was built. work: of the same, made where there is none. streams: screen pixels. kernel_seconds: of
-    `run` so far. A runner.Job. Raises DeviceError if the device cannot build or hold it.
+    tracked: paths whose light is counted separately. Raises ValueError or SceneError for a scene that cannot be traced.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        device: Device,
-        options: TraceOptions,
-        bounce_limit: int = MAX_EVENTS,
-        least_chance: float = MIN_CHANCE,
-        branches: str = "roulette",
-        aimed_scatter: bool = True,
-        work: PathWork | None = None,
-    ):
-        check_precision(device, options.precision)
-        self.work = of = work or PathWork(
-            scene, options, bounce_limit=bounce_limit, least_chance=least_chance, branches=branches,
-            aimed_scatter=aimed_scatter,
-        )  # fmt: skip
-        self.scene, self.options, self.sources, self.rate_meter = scene, options, of.sources, RateMeter()
-        self.max_rays_per_item, self.first_launch_rays = of.max_rays_per_item, of.first_launch_rays
-        real, packed = PRECISIONS[options.precision], pack(chief_rays(scene), options.precision)
-        elements = pack_elements(scene, of.components, real, least_chance)
-        self._job = path_job(scene, of.components, real, bounce_limit, of.source_structs)
-        scatter, structs = pack_scatter(scene, of.components, real, aimed_scatter)
-        structs |= {"Element": elements.dtype, "Path": PATH, "PathJob": self._job.dtype}
-        self.source = _compose(packed, of.components, structs, options, branches, device)
-        self._image_shape, self._sums_shape = of.sums_shapes
-        self._facts = {
-            "code": hash_of(self.source.text.encode(), *(option.encode() for option in self.source.options)),
-            "inputs": hash_of(packed.scene, of.source_structs, elements, scatter, self._job),
-        }
-        self._workspace = space = Workspace(device, self.source, "trace_paths")
-        self._before = [space.upload(array) for array in (packed.scene, of.source_structs, elements, scatter)]
-        self._sums, self._images = (space.empty(8 * int(np.prod(s))) for s in (self._sums_shape, self._image_shape))
-        self._found = space.empty(4 * (1 + 3 * FOUND_SIZE))
+    setup: Setup
+    options: TraceOptions
+    tracked: TrackedPaths = NONE_TRACKED
+    max_rays_per_item = MAX_RAYS_PER_ITEM
+    first_launch_rays = FIRST_LAUNCH_RAYS
 
-    def find(self) -> TrackedPaths:
-        """The paths that reach the detector in a pilot run."""
-        found = np.zeros(1 + 3 * FOUND_SIZE, np.uint32)
-        self._workspace.clear(self._found)
-        self.clear()
-        self.track(TrackedPaths((), ()), FOUND_SIZE)
-        rays = max(PILOT_RAYS // self.sources, 16)
-        for component in plan_launches(self.sources, rays, lambda: self.first_launch_rays, self.max_rays_per_item):
-            self.launch(PILOT, component)
-        self._workspace.download(self._found, found)
-        low, high, bits = found[1:].reshape(-1, 3)[: min(int(found[0]), FOUND_SIZE)].T
-        weights = bits.copy().view(np.float32).astype(float)
-        order = np.lexsort((bits, low, high))  # rays are found in any order; sums in floating point depend on it
-        low, high, weights = low[order], high[order], weights[order]
-        codes, index = np.unique(high.astype(np.uint64) << np.uint64(32) | low.astype(np.uint64), return_inverse=True)
-        largest, power = np.zeros(len(codes)), np.bincount(index, weights, len(codes))
-        np.maximum.at(largest, index, weights)
-        best = [k for k in np.argsort(-power, kind="stable")[: TRACKED_PATHS - 1] if largest[k] > 0]
-        return TrackedPaths(tuple(int(codes[k]) for k in best), tuple(float(largest[k]) for k in best))
+    def __post_init__(self) -> None:
+        scene = self.setup.scene
+        check_visible(self.setup.chief_rays, f"scene {scene.name}")
+        check_media(scene, self.components)
+        _, lines, pixels = self.sums_shapes[1]
+        size = 8 * len(KINDS) * lines * pixels
+        if size > MAX_IMAGE_BYTES:
+            raise ValueError(f"scene {scene.name}: images of {lines} lines with {pixels} "
+                             f"pixels take {size} bytes; must be at most {MAX_IMAGE_BYTES}")  # fmt: skip
 
-    def run(
-        self, rays: np.ndarray, tracked: TrackedPaths, progress=None, file: Checkpoint | None = None, finished=None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Images [replicates, kinds, lines, pixels] and sums [replicates, ends + elements + 2 paths]: whole numbers."""
-        self.track(tracked)
-        return run_rays(self, rays, progress, kept=file, finished=finished)
+    def __reduce__(self):
+        return type(self).from_json, (self.to_json(),)
 
-    def clear(self) -> None:
-        for buffer in (self._images, self._sums):
-            self._workspace.clear(buffer)
-
-    def sums(self) -> tuple[np.ndarray, np.ndarray]:
-        """Images and sums, without their replicates, of the launches since the last clear."""
-        work = self._workspace
-        return (work.download(self._images, np.empty(self._image_shape, np.uint64)),
-                work.download(self._sums, np.empty(self._sums_shape, np.uint64)))  # fmt: skip
-
-    def throughput(self, rays: int) -> float:
-        """Rays per second of one launch of about that many rays, from its kernel's time; paths are not told apart."""
-        per_source = max(rays // self.sources, 1)
-        self.track(TrackedPaths((), ()))
-        self.clear()
-        self.rate_meter.kernel_seconds = 0.0
-        self.launch(0, (0, self.sources, 0, per_source))
-        return per_source * self.sources / self.kernel_seconds
+    @cached_property
+    def components(self) -> tuple[Component, ...]:
+        return components_of(self.setup.scene)
 
     @property
-    def kernel_seconds(self) -> float:
-        return self.rate_meter.kernel_seconds
+    def sources(self) -> int:
+        """Screen pixels."""
+        return int(np.prod(self.setup.scene.screen.pixels))
 
-    def track(self, tracked: TrackedPaths, found_size: int = 0) -> None:
-        """What the next launches tell apart; with found_size above 0 they list what is detected instead."""
-        table = tracked.table()
-        self._paths = self._workspace.upload(table)
-        self.facts = self._facts | {"paths": hash_of(table)}
-        self._job["path_count"], self._job["found_size"] = len(table), found_size
+    @property
+    def sums_shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Of the sums of ends, elements and paths, and of the images [kinds, lines, pixels]."""
+        scene = self.setup.scene
+        images = (len(KINDS), sum(scene.screen.pixels), int(np.prod(scene.camera.detector.pixels)))
+        return (len(ENDS) + 2 * len(self.components) + 2 + 2 * TRACKED_PATHS,), images
 
-    def launch(self, replicate: int, component: tuple[int, int, int, int]) -> None:
-        _, sources, _, rays = component
-        per_item = max(1, min(rays, self.max_rays_per_item))
-        launch = launch_structure(self.scene, self.options, replicate, component, per_item)
-        scene, *tables = self._before
-        arguments = [scene, launch, *tables, self._paths, self._sums, self._images, self._found, self._job]
-        seconds = self._workspace.launch((sources, max(1, -(-rays // per_item))), arguments)
-        self.rate_meter.launched(sources * rays, seconds)
+    @property
+    def source_structs(self) -> np.ndarray:
+        """The kernel's emitters [sources]."""
+        return self._emitters[0]
+
+    @cached_property
+    def _emitters(self) -> tuple[np.ndarray, np.ndarray]:
+        options = self.options
+        return emitters(self.setup, options.precision, options.overfill, options.aim)
+
+    @property
+    def _gain(self) -> float:
+        return self.setup.scene.screen.radiance * self.setup.scene.screen.pitch_mm**2
+
+    @property
+    def launched_w(self) -> float:
+        """Flux of all rays [W]."""
+        return self._gain * float(self._emitters[1].sum())
+
+    @property
+    def light(self) -> PathSums:
+        """What the task's sums say."""
+        return PathSums(self.components, self.tracked, self.sources, self._gain * float(self._emitters[1].max()))
+
+    def program(self, device: Device, pilot: bool = False) -> TraceProgram:
+        """The task's program on a device. pilot: it lists the detected rays in its scratch memory instead."""
+        scene, options, components = self.setup.scene, self.options, self.components
+        check_precision(device, options.precision)
+        real, packed = PRECISIONS[options.precision], pack(self.setup.chief_rays, options.precision)
+        elements = pack_elements(scene, components, real, options.least_chance)
+        job = path_job(scene, components, real, options.bounce_limit, self.source_structs)
+        scatter, structs = pack_scatter(scene, components, real, options.aimed_scatter)
+        structs |= {"Element": elements.dtype, "Path": PATH, "PathJob": job.dtype}
+        source = _compose(packed, components, structs, options, device)
+        inputs, table = (packed.scene, self.source_structs, elements, scatter), self.tracked.table()
+        fingerprint = {"code": source.digest, "inputs": hash_of(*inputs, job), "paths": hash_of(table)}
+        job["path_count"], job["found_size"] = len(table), FOUND_SIZE if pilot else 0
+        found_bytes = 4 * (1 + 3 * (FOUND_SIZE if pilot else 1))
+        inputs = (*inputs, table)
+        return TraceProgram(source, "trace_paths", inputs, self._launch, fingerprint, found_bytes, after=(job,))
+
+    def _launch(self, replicate: int, block: RayBlock, per_item: int) -> np.ndarray:
+        return launch_structure(self.setup.scene, self.options, replicate, block, per_item)
+
+    def to_json(self) -> str:
+        return json.dumps({"scene": self.setup.scene.to_toml(), "options": asdict(self.options),
+                           "tracked": asdict(self.tracked)})  # fmt: skip
+
+    @classmethod
+    def from_json(cls, text: str) -> PathTask:
+        data = json.loads(text)
+        tracked = TrackedPaths(*(tuple(data["tracked"][key]) for key in ("codes", "weights")))
+        return cls(Setup(parse_scene(data["scene"])), TraceOptions(**data["options"]), tracked)
+
+    def result(
+        self, sums: np.ndarray, images: np.ndarray, rays: np.ndarray, device: dict, seconds: dict[str, float]
+    ) -> PathLight:
+        """The trace of rays [replicates] per source from its sums. device: description of where it ran."""
+        scene, light = self.setup.scene, self.light
+        ends = light.ends(sums, int(rays.sum()) * self.sources)
+        images_w = images * (light.unit_w / self.tracked.of_kind)[None, :, None, None] / rays[:, None, None, None]
+        return PathLight(scene, self.options, device, light.fluxes(sums, rays), light.losses(sums, rays),
+                         self.launched_w, images_w, rays, ends, ledger_of(ends), seconds)  # fmt: skip
+
+
+def pilot_rays(task: PathTask) -> int:
+    """Rays of each source that look for paths."""
+    return max(PILOT_RAYS // task.sources, 16)
+
+
+def find_paths(device: Device, task: PathTask) -> tuple[list[int], list[float]]:
+    """Codes and largest weights of the paths that reach the detector in a pilot run, the most powerful first."""
+    tracer = DeviceTracer(task, device, task.program(device, pilot=True))
+    for block in plan_launches(
+        task.sources, pilot_rays(task), lambda: task.first_launch_rays, task.max_rays_per_item
+    ):
+        tracer.launch(PILOT, block)
+    found = tracer.read_scratch(np.zeros(1 + 3 * FOUND_SIZE, np.uint32))
+    low, high, bits = found[1:].reshape(-1, 3)[: min(int(found[0]), FOUND_SIZE)].T
+    weights = bits.copy().view(np.float32).astype(float)
+    order = np.lexsort((bits, low, high))  # rays are found in any order; sums in floating point depend on it
+    low, high, weights = low[order], high[order], weights[order]
+    codes, index = np.unique(high.astype(np.uint64) << np.uint64(32) | low.astype(np.uint64), return_inverse=True)
+    largest, power = np.zeros(len(codes)), np.bincount(index, weights, len(codes))
+    np.maximum.at(largest, index, weights)
+    best = [k for k in np.argsort(-power, kind="stable")[: TRACKED_PATHS - 1] if largest[k] > 0]
+    return [int(codes[k]) for k in best], [float(largest[k]) for k in best]
 
 
 def _compose(
-    packed, components: tuple[Component, ...], structs, options: TraceOptions, branches: str, device: Device
+    packed, components: tuple[Component, ...], structs, options: TraceOptions, device: Device
 ) -> Source:
     """The kernel's source, with the shapes and kinds of elements and the scatter models that there are, no others."""
     kinds, models = (
@@ -163,15 +214,15 @@ def _compose(
     choices = packed.choices | {
         "sampler": options.sampler,
         "path_rng": "philox" if refracts or models else "none",
-        "ray_stack": "list" if models or (refracts and branches == "both") else "none",
-        "branch": {"roulette": "random", "both": "split"}[branches],
+        "ray_stack": "list" if models or (refracts and options.branches == "split") else "none",
+        "branch": options.branches,
     }
     # made of the program's own words: no text of a scene comes into a source
     calls = " ".join(
         f"DO({component.shape}, {component.kind}, {_model(component)}, {k})" for k, component in enumerate(components)
     )
     deviated = ("element_deviated.cl",) if any(component.shape == "deviated" for component in components) else ()
-    tallies = ("tally_random.cl" if branches == "roulette" else "tally_split.cl",) * refracts
+    tallies = ("tally_random.cl" if options.branches == "random" else "tally_split.cl",) * refracts
     first = (*deviated, *(f"interact_{kind}.cl" for kind in sorted(kinds)), *tallies,
              *(f"scatter_{model}.cl" for model in sorted(models)))  # fmt: skip
     width = device.vector_width(options.precision)

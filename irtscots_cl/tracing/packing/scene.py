@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -42,9 +41,8 @@ class Packed:
     scene: np.ndarray  # [1]
 
 
-@lru_cache(maxsize=8)
 def pack(chief: ChiefRays, precision: str) -> Packed:
-    """Everything about a scene that does not depend on the estimator; made once for all who ask for the same."""
+    """Everything about a scene that does not depend on the estimator."""
     real, surface = PRECISIONS[precision], chief.surface
     deviation = surface.deviation
     annular = surface.obscuration_radius_mm > 0

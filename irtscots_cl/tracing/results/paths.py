@@ -12,7 +12,7 @@ from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.results.transport import TraceResult
 
 KINDS = ("direct", "ghost", "scatter")  # of paths, by the strangest event: kernels/elements/ray.cl
-PATH_BITS, MAX_EVENTS = 6, 10  # of a path's code: as there
+PATH_BITS = 6  # of an event in a path's code: as there
 MARKS = ("", " (r)", " (s)")  # of events in names: reflected at a refractor, scattered
 
 

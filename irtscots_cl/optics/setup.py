@@ -1,0 +1,55 @@
+"""A scene with all that follows from it in float64: each is made once, when it is first asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from irtscots_cl.optics.aim import Aim, find_camera_aim, find_mirror_aim
+from irtscots_cl.optics.chief_rays import ChiefRays, trace_chief_rays
+from irtscots_cl.optics.pixel.response import PixelResponse
+from irtscots_cl.optics.screen_windows import Windows, place_windows
+from irtscots_cl.scene.model import Scene
+
+
+class Setup:
+    """Owns what is derived from one scene. Pass it down instead of the scene, so that nothing is derived twice.
+
+    The properties raise ValueError if the scene has more pixels than the memory can hold maps of.
+    """
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        self._windows: dict[int, Windows] = {}
+
+    @classmethod
+    def of(cls, scene: Scene | Setup) -> Setup:
+        """A set-up as it is, or a new one of a scene."""
+        return scene if isinstance(scene, Setup) else cls(scene)
+
+    @cached_property
+    def nominal(self) -> Setup:
+        """The set-up with the mirror's design: all that the measuring half may know."""
+        nominal = self.scene.nominal()
+        return self if nominal == self.scene else Setup(nominal)
+
+    @cached_property
+    def chief_rays(self) -> ChiefRays:
+        return trace_chief_rays(self.scene)
+
+    @cached_property
+    def pixel_response(self) -> PixelResponse:
+        return PixelResponse.of(self.chief_rays)
+
+    @cached_property
+    def mirror_aim(self) -> Aim:
+        return find_mirror_aim(self.chief_rays)
+
+    @cached_property
+    def camera_aim(self) -> Aim:
+        return find_camera_aim(self.chief_rays, self.mirror_aim)
+
+    def windows(self, margin: int) -> Windows:
+        """Windows widened by margin screen pixels."""
+        if margin not in self._windows:
+            self._windows[margin] = place_windows(self.chief_rays, margin)
+        return self._windows[margin]
