@@ -8,8 +8,6 @@ from importlib import import_module
 import numpy as np
 import pytest
 from device_kernels import FOLDER, SmallKernel, kernel_text, launch_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from lopsided import lopsided
 from oracle import tracer
 from scenes import coarse, with_part
@@ -229,30 +227,6 @@ def test_double_precision_is_refused_where_there_is_none(device, monkeypatch):
 
 
 # --- the same result, however the work is cut --------------------------------------------------------------
-
-
-@settings(max_examples=300, deadline=None)
-@given(
-    st.integers(1, 40),
-    st.integers(1, 200),
-    st.integers(1, 30),
-    st.lists(st.integers(1, 10_000), min_size=1, max_size=20),
-)
-def test_launches_cover_every_ray_of_every_stream_once(sources, rays, per_item, sizes):
-    wanted = iter(sizes * 10_000)  # the timed size may change from launch to launch
-    covered = np.zeros((sources, rays), int)
-    for first_source, count, first_ray, ray_count in plan_launches(sources, rays, lambda: next(wanted), per_item):
-        assert count >= 1 and ray_count >= 1
-        assert first_source + count <= sources and first_ray + ray_count <= rays
-        covered[first_source : first_source + count, first_ray : first_ray + ray_count] += 1
-    assert (covered == 1).all()
-
-
-def test_launches_are_of_about_the_wanted_size():
-    plan = list(plan_launches(10_000, 2**20, lambda: 2**24))
-    sizes = [count * rays for _, count, _, rays in plan]
-    assert sum(sizes) == 10_000 * 2**20 and max(sizes) <= 2**24
-    assert np.median(sizes) > 2**23
 
 
 @pytest.fixture(
