@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from lopsided import lopsided
-from scenes import coarse
+from scenes import coarse, scene_of
 
 from irtscots_cl.opencl.structs import PRECISIONS
 from irtscots_cl.optics.chief_rays import ChiefRays
-from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.checks.probes import BLOCK, MeetProbe, PathProbe, uniform_centred
 from irtscots_cl.tracing.packing.sources import emitters, receivers
 
@@ -17,15 +15,11 @@ from irtscots_cl.tracing.packing.sources import emitters, receivers
 LIMIT = {"fp32": 3e-3, "fp64": 1e-6}
 
 
-def scene_named(name):
-    return lopsided() if name == "lopsided" else load_scene(name)
-
-
 @pytest.mark.parametrize("count", [1, 37, 1024])
 @pytest.mark.parametrize("name", ["sphere-deviated", "lopsided"])
 def test_lines_meet_the_hosts_surface(device, precision, name, count):
     """Any number of lines, also one that is no multiple of the rays side by side."""
-    chief = ChiefRays(scene_named(name))
+    chief = ChiefRays(scene_of(name))
     random = np.random.default_rng(count)
     at = random.uniform(-0.6, 0.6, (2, count)) * chief.scene.mirror.diameter_mm
     slopes = random.uniform(-0.02, 0.02, (2, count))
