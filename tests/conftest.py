@@ -7,6 +7,19 @@ import pytest
 from irtscots_cl import cli
 from irtscots_cl.opencl.device import Device, select_device
 
+# Fixtures that give a device of the machine, or run commands that may use one
+DEVICE_FIXTURES = {"device", "precision"}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what runs kernels as needs_device: tools/second_device runs these alone on another OpenCL implementation.
+
+    By fixtures, also those that a test's own fixtures use; what finds its device in another way is marked by hand.
+    """
+    for item in items:
+        if DEVICE_FIXTURES.intersection(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.needs_device)
+
 
 @pytest.fixture(scope="session")
 def device() -> Device:

@@ -173,6 +173,7 @@ def run_tool(*arguments):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
 
 
+@pytest.mark.needs_device
 def test_the_tool_prints_json():
     done = run_tool()
     assert done.returncode == 0, done.stderr

@@ -38,7 +38,7 @@ def irtscots(irtscots, tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def small_launches(monkeypatch):
+def small_launches(monkeypatch, device):
     monkeypatch.setattr("irtscots_cl.execution.run_loop._launch_size", lambda *_: lambda: 2**14)
 
 
@@ -99,6 +99,7 @@ def test_handlers_are_put_back(irtscots, after_launches):
     assert (signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)) == before
 
 
+@pytest.mark.needs_device
 def test_an_interrupt_before_the_first_ray_leaves_nothing(irtscots, monkeypatch):
     def trace_not(*_, **__):
         os.kill(os.getpid(), signal.SIGTERM)

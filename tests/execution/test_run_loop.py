@@ -7,7 +7,7 @@ import json
 
 import numpy as np
 import pytest
-from counting_job import PER_ITEM, RAYS, SOURCES, CountingJob, same
+from counting_job import RAYS, SOURCES, CountingJob, same
 from synthetic import small_scene
 
 from irtscots_cl.execution import checkpoint
@@ -15,7 +15,6 @@ from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
 from irtscots_cl.execution.checkpoint_file import FORMAT, write_checkpoint
 from irtscots_cl.execution.device_tracer import DeviceTracer
 from irtscots_cl.execution.executor import RunControl
-from irtscots_cl.execution.launch_plan import Cursor, plan_launches
 from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.tracing.estimators.nonsequential import PathTask, find_paths
@@ -31,47 +30,6 @@ def eager(monkeypatch):
     """A save after every launch."""
     monkeypatch.setattr(checkpoint, "MIN_SECONDS", 0.0)
     monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)
-
-
-def plan_from(cursor, rays, launch_rays):
-    """(part, place after it) of what is left of a replicate."""
-    for part in plan_launches(SOURCES, rays, lambda: launch_rays, PER_ITEM, cursor):
-        cursor = cursor.after(part, SOURCES, rays)
-        yield part, cursor
-
-
-@pytest.mark.parametrize("rays", [1, 4, 5, 13, 16])
-@pytest.mark.parametrize("sizes", list(itertools.product([1, 3, 13, 40, 1000], repeat=2)))
-def test_a_plan_goes_on_from_any_launch_with_launches_of_another_size(rays, sizes):
-    first = list(plan_from(Cursor(), rays, sizes[0]))
-    assert first[-1][1] == Cursor(1)
-    for stop in range(len(first)):
-        cursor = first[stop - 1][1] if stop else Cursor()
-        parts = [part for part, _ in first[:stop]] + [part for part, _ in plan_from(cursor, rays, sizes[1])]
-        traced = np.zeros((SOURCES, rays), int)
-        for source, sources, ray, count in parts:
-            assert ray % PER_ITEM == 0
-            traced[source : source + sources, ray : ray + count] += 1
-        assert (traced == 1).all()
-        done = sum(sources * count for _, sources, _, count in parts[:stop])
-        assert cursor.rays_before(np.array([rays]), SOURCES) == done
-        cursor.check(np.array([rays]), SOURCES, PER_ITEM)
-
-
-@pytest.mark.parametrize(
-    "cursor",
-    [(-1, 0, 0, 0), (4, 0, 0, 0), (3, 4, 0, 0), (0, 3, 0, 0), (0, -4, 0, 0), (0, 16, 0, 0), (0, 0, 4, 0), (0, 0, 4, 5),
-     (0, 0, 4, -1), (0, 0, 0, 1), (0, 0, 3, 1), (0, 12, 4, 1), (0, 0, -4, 1), (0.0, 0, 0, 0), (True, 0, 0, 0),
-     (2, 12, 0, 0), (10**30, 0, 0, 0), (0, 10**30, 0, 0), ("0", 0, 0, 0), (None, 0, 0, 0), (3, 0, 1, 1)],
-)  # fmt: skip
-def test_places_that_no_plan_passes_are_refused(cursor):
-    with pytest.raises(ValueError, match="place"):
-        Cursor(*cursor).check(RAYS, SOURCES, PER_ITEM)
-
-
-@pytest.mark.parametrize("cursor", [(0, 0, 0, 0), (0, 12, 1, 4), (1, 8, 4, 1), (0, 4, 9, 2), (3, 0, 0, 0)])
-def test_places_that_a_plan_passes_are_not(cursor):
-    Cursor(*cursor).check(RAYS, SOURCES, PER_ITEM)
 
 
 def test_every_ray_once_and_progress_to_the_end():

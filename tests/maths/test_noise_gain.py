@@ -45,7 +45,7 @@ def test_noise_gain_is_close_to_southwell_s(method, least, most):
 @pytest.mark.parametrize("name", ["disk", "bridge", "islands"])
 def test_noise_gain_is_what_unit_slopes_add_up_to(method, name):
     """Exactly: the squares of the heights that a slope of 1 at one node makes, summed over nodes and directions."""
-    mask = {"disk": disk(9, 11), "bridge": BRIDGE, "islands": ISLANDS}[name]
+    mask = {"disk": disk(9, 11), "bridge": BRIDGE[2:7, 5:16], "islands": ISLANDS}[name]
     x, y = sheared_grid(*mask.shape)
     units = np.zeros((mask.sum(), *mask.shape))
     units[:, mask] = np.eye(mask.sum())

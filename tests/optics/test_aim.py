@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lopsided import lopsided
+from scenes import scene_of as preset_or_lopsided
+from scenes import with_part
 from significance import poisson_ratio_p, sidak_p
 from tracers import setup_of
 
@@ -20,12 +21,9 @@ NAMES = ("sphere", "sphere-deviated", "off-axis", "lopsided", "holed")
 
 
 def scene_of(name):
-    if name == "lopsided":
-        return lopsided()
     if name == "holed":
-        scene = load_scene("sphere")
-        return replace(scene, mirror=replace(scene.mirror, obscuration_mm=300.0))
-    return load_scene(name)
+        return with_part(load_scene("sphere"), "mirror", obscuration_mm=300.0)
+    return preset_or_lopsided(name)
 
 
 def light_into_camera(scene, rays, seed):

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from device_kernels import SmallKernel, kernel_text
 from lopsided import lopsided
+from scenes import scene_of as preset_or_lopsided
+from scenes import with_part
 
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
@@ -18,8 +20,8 @@ SCENES = [*sequential_presets(), "lopsided", "conic"]
 
 def scene_of(name):
     if name == "conic":
-        return replace(lopsided(), mirror=replace(lopsided().mirror, off_axis_mm=0.0))
-    return lopsided() if name == "lopsided" else load_scene(name)
+        return with_part(lopsided(), "mirror", off_axis_mm=0.0)
+    return preset_or_lopsided(name)
 
 
 def points_inside(mirror, count, seed, share=0.98):

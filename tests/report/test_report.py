@@ -15,7 +15,6 @@ from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.measurement.prediction import predict_error
 from irtscots_cl.measurement.reconstruction import reconstruct
 from irtscots_cl.report.facts import build_report, path_facts
-from irtscots_cl.report.figures import write_figures
 from irtscots_cl.report.html import write_html
 from irtscots_cl.report.tables import measured_table, path_tables, summary_tables
 from irtscots_cl.system.atomic_files import plain
@@ -241,12 +240,3 @@ def test_the_page_shows_all_figures_and_tables_and_escapes_text(report, tmp_path
     for table in summary_tables(report):
         assert all(cell in page for row in table.rows for cell in row)
     assert page.startswith("<!doctype html>") and page.rstrip().endswith("</html>")
-
-
-@pytest.mark.parametrize("truth_known", [True, False])
-def test_the_figures_are_pictures(run, tmp_path, truth_known):
-    stack, result, comparison, _ = run
-    names = write_figures(tmp_path, stack, result, comparison if truth_known else None)
-    assert names == ["images.png", "light_curve.png", "slopes.png", "height.png"]
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
-    assert all((tmp_path / name).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" for name in names)

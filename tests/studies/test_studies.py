@@ -159,7 +159,9 @@ def test_unknown_studies_are_refused_in_one_line():
     assert NAMES.split(", ") == list(suite.STUDIES)
 
 
-@pytest.mark.parametrize("name", ["zonal", "scatter", "brightness"])
+@pytest.mark.parametrize(
+    "name", [*(pytest.param(name, marks=pytest.mark.slow) for name in ("zonal", "scatter")), "brightness"]
+)
 def test_cheap_studies(traces, name):
     finished = suite.run_study(name, traces)
     assert finished.outcome.rows and finished.outcome.notes

@@ -10,6 +10,7 @@ from oracle import tracer
 
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.screen_windows import place_windows
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.tracing.packing.sources import emitters, receivers
 from irtscots_cl.tracing.samplers import sample_words
 
@@ -51,7 +52,7 @@ def _words(sources: np.ndarray) -> np.ndarray:
 
 def forward_rays(device, scene, precision: str) -> Rays:
     """Rays from screen pixels spread over the screen, aimed as the package aims them."""
-    sources, _ = emitters(ChiefRays(scene), precision, 1.0, "mirror")
+    sources, _ = emitters(Setup(scene), precision, 1.0, "mirror")
     sources = np.linspace(0, len(sources) - 1, SOURCES).astype(np.uint32)
     paths, marks = _run(device, scene, precision, "trace_paths_forward", sources, sources, 11, 3)
     words, pitch = _words(sources), scene.screen.pitch_mm

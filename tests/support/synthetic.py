@@ -6,13 +6,12 @@ import dataclasses
 from functools import lru_cache
 
 import numpy as np
+from scenes import coarse
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.optics.chief_rays import ChiefRays
-from irtscots_cl.scene.instrument import Detector
 from irtscots_cl.scene.model import Scene
-from irtscots_cl.scene.presets import load_scene
 
 SUBPIXELS = 8  # per axis
 APERTURE_POINTS = 6  # on the circle that halves the aperture's area: exact for the mean of a quadratic
@@ -20,11 +19,7 @@ APERTURE_POINTS = 6  # on the circle that halves the aperture's area: exact for 
 
 def small_scene(name: str = "sphere-deviated", pixels: int = 41) -> Scene:
     """A preset with fewer and larger detector pixels behind the same optics."""
-    scene = load_scene(name)
-    detector = scene.camera.detector
-    pitch_mm = detector.pitch_mm * detector.pixels[0] / pixels
-    detector = Detector(pixels=(pixels, pixels), pitch_mm=pitch_mm)
-    return dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, detector=detector))
+    return coarse(name, pixels)
 
 
 @lru_cache

@@ -71,7 +71,7 @@ def assert_same(one, other, share):
     ],
 )
 def test_aimed_rays_bring_the_light_of_all_directions(device, scene, name, rays):
-    lights = [light_of(scene(), device, rays_per_pixel=rays, branches="roulette", aimed_scatter=aimed, seed=5 + aimed)
+    lights = [light_of(scene(), device, rays_per_pixel=rays, branches="random", aimed_scatter=aimed, seed=5 + aimed)
               for aimed in (True, False)]  # fmt: skip
     assert_same(*(path_of(light, name) for light in lights), 0.5)
 
@@ -83,7 +83,7 @@ def test_light_that_is_aimed_at_other_elements_is_that_of_all_directions(device,
     scene = scene()
     if element == "mirror":
         scene = replace(scene, mirror=replace(scene.mirror, reflectance=0.5))
-    lights = [light_of(scene, device, rays_per_pixel=2**14, branches="roulette", aimed_scatter=aimed, seed=5 + aimed)
+    lights = [light_of(scene, device, rays_per_pixel=2**14, branches="random", aimed_scatter=aimed, seed=5 + aimed)
               for aimed in (True, False)]  # fmt: skip
     stays = [{stay.name: stay for stay in light.losses}[f"absorbed by {element}"] for light in lights]
     assert_same(*stays, 0.7)
@@ -119,7 +119,7 @@ def test_a_lit_walls_light_on_a_meter_beside_its_way(device):
     elements = (plate("wall", "absorber", cursor, at, scatter=Lambertian(0.8)),
                 plate("meter", "detector", aside, aside - z, important=True),
                 plate("shield", "absorber", aside + z, aside - z, size_mm=side + 0.4))  # fmt: skip
-    light = light_of(replace(scene, element=elements), device, rays_per_pixel=2**15, branches="roulette")
+    light = light_of(replace(scene, element=elements), device, rays_per_pixel=2**15, branches="random")
     stays = {stay.name: stay for stay in light.losses}
     arriving_w, meter = stays["absorbed by wall"].flux_w / 0.2, stays["absorbed by meter"]
     factor = facing_rectangles(2 * side, side, distance) - facing_rectangles(side, side, distance)

@@ -26,6 +26,7 @@ from scipy import stats
 from significance import sidak_z
 from tracers import path_tracer_of
 
+from irtscots_cl.execution.launch_plan import RateMeter
 from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.presets import load_scene
@@ -98,8 +99,8 @@ def test_the_same_seed_gives_the_same_bits_for_any_cut_into_launches(device, mon
         return light_of(load_scene("sphere-singlet"), device, replicates=2, rays_per_pixel=3000)
 
     first, again = run(), run()
-    monkeypatch.setattr(nonsequential, "MAX_RAYS_PER_ITEM", 768)
-    monkeypatch.setattr(nonsequential.RateMeter, "launch_rays", lambda self, first: 100_000)
+    monkeypatch.setattr(nonsequential.PathTask, "max_rays_per_item", 768)
+    monkeypatch.setattr(RateMeter, "launch_rays", lambda self, first: 100_000)
     cut = run()
     for light in (again, cut):
         np.testing.assert_array_equal(light.images_w, first.images_w)

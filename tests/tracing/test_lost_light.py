@@ -62,7 +62,7 @@ SCENES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("branches", ["roulette", "both"])
+@pytest.mark.parametrize("branches", ["random", "both"])
 @pytest.mark.parametrize("name", SCENES)
 def test_all_light_ends_somewhere(device, name, branches):
     if branches == "both" and name not in ("singlet", "window"):

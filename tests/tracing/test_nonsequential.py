@@ -423,7 +423,7 @@ def test_the_same_seed_gives_the_same_bits_for_any_cut_into_launches(device, mon
         return trace_paths(load_scene("sphere-singlet"), device=device, rays_per_pixel=5000, replicates=2, seed=seed)
 
     first, again = run(), run()
-    monkeypatch.setattr(nonsequential, "MAX_RAYS_PER_ITEM", 768)
+    monkeypatch.setattr(nonsequential.PathTask, "max_rays_per_item", 768)
     monkeypatch.setattr(nonsequential.RateMeter, "launch_rays", lambda self, first: 100_000)
     cut, other = run(), run(seed=8)
     for light in (again, cut):

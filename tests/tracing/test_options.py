@@ -74,7 +74,3 @@ def test_a_value_out_of_range_is_refused_in_one_line(given, message):
     with pytest.raises(ValueError, match="must") as caught:
         TraceOptions(**given)
     assert str(caught.value) == message and message.isprintable()
-
-
-def test_the_analytic_estimator_is_none_of_those_with_a_kernel():
-    assert ANALYTIC not in ESTIMATORS

@@ -8,8 +8,6 @@ from importlib import import_module
 import numpy as np
 import pytest
 from device_kernels import FOLDER, SmallKernel, kernel_text, launch_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from lopsided import lopsided
 from oracle import tracer
 from scenes import coarse, with_part
@@ -23,6 +21,7 @@ from irtscots_cl.opencl.device import DeviceError
 from irtscots_cl.opencl.structs import WEIGHT_ONE
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.screen_windows import place_windows
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.tracing.options import ESTIMATORS, TraceOptions
@@ -231,30 +230,6 @@ def test_double_precision_is_refused_where_there_is_none(device, monkeypatch):
 # --- the same result, however the work is cut --------------------------------------------------------------
 
 
-@settings(max_examples=300, deadline=None)
-@given(
-    st.integers(1, 40),
-    st.integers(1, 200),
-    st.integers(1, 30),
-    st.lists(st.integers(1, 10_000), min_size=1, max_size=20),
-)
-def test_launches_cover_every_ray_of_every_stream_once(sources, rays, per_item, sizes):
-    wanted = iter(sizes * 10_000)  # the timed size may change from launch to launch
-    covered = np.zeros((sources, rays), int)
-    for first_source, count, first_ray, ray_count in plan_launches(sources, rays, lambda: next(wanted), per_item):
-        assert count >= 1 and ray_count >= 1
-        assert first_source + count <= sources and first_ray + ray_count <= rays
-        covered[first_source : first_source + count, first_ray : first_ray + ray_count] += 1
-    assert (covered == 1).all()
-
-
-def test_launches_are_of_about_the_wanted_size():
-    plan = list(plan_launches(10_000, 2**20, lambda: 2**24))
-    sizes = [count * rays for _, count, _, rays in plan]
-    assert sum(sizes) == 10_000 * 2**20 and max(sizes) <= 2**24
-    assert np.median(sizes) > 2**23
-
-
 @pytest.fixture(
     params=[("forward", "coarse"), ("adjoint", "coarse"), ("forward", "lopsided"), ("adjoint", "lopsided")],
     ids="-".join,
@@ -285,7 +260,7 @@ def same(first, second):
 )
 def test_counts_do_not_depend_on_the_launches(whole, monkeypatch, launch_rays, per_item):
     options, run = whole
-    monkeypatch.setattr(module, "MAX_RAYS_PER_ITEM", per_item)
+    monkeypatch.setattr(module.SequentialTask, "max_rays_per_item", per_item)
     same(trace(**options, launch_rays=launch_rays), run)
 
 
@@ -411,7 +386,7 @@ def ray_by_ray(device, scene, name, sources, chosen, fields, marks, first_ray):
 @pytest.mark.parametrize("scene", [coarse(), lopsided()], ids=lambda scene: scene.name)
 def test_forward_counts_are_the_rays_that_came_through(device, scene, start):
     run = trace(scene, device=device, estimator="forward", rays_per_pixel=RAYS - 28, replicates=1, seed=3)
-    sources, _ = emitters(ChiefRays(scene), "fp32", 1.0, "mirror")
+    sources, _ = emitters(Setup(scene), "fp32", 1.0, "mirror")
     sources = np.arange(len(sources), dtype=np.uint32)
     _, marks = ray_by_ray(device, scene, "trace_paths_forward", sources, sources, 11, 3, start)
     marks = marks[:, : RAYS - 28]

@@ -310,7 +310,7 @@ def whole_run(request, device):
 )
 def test_light_does_not_depend_on_the_launches(whole_run, monkeypatch, launch_rays, per_item):
     options, run = whole_run
-    monkeypatch.setattr(module, "MAX_RAYS_PER_ITEM", per_item)
+    monkeypatch.setattr(module.SequentialTask, "max_rays_per_item", per_item)
     same(trace(**options, launch_rays=launch_rays), run)
 
 
@@ -451,20 +451,6 @@ def test_a_brightness_is_refused(device):
     with pytest.raises(ValueError, match="brightness: the analytic and the smoothed estimator"):
         run.images(LineScan(scene, brightness))
     assert np.isnan(run.hits()).all()  # no such number as independent rays
-
-
-def test_line_flux_adds_up_second_differences_in_twos_complement():
-    random = np.random.default_rng(2)
-    shape = {"x": (3, 7, 5), "y": (3, 7, 9)}
-    light = {axis: random.integers(0, 2**62, size) for axis, size in shape.items()}
-    second = [np.diff(np.pad(of, ((0, 0), (0, 0), (1, 2))), axis=-1) for of in light.values()]
-    counts = np.concatenate(second, -1).view(np.uint64)
-    assert counts.shape[-1] == 5 + 2 + 9 + 2 and (counts > 2**63).any()
-    windows = replace(place_windows(setup_of(coarse(load_scene("sphere"))).chief_rays, 1), columns=5, rows=9)
-    unit, rays = random.random((7, 1)), np.array([1, 2, 5])
-    flux = line_flux(counts, windows, unit, rays)
-    for axis, of in light.items():
-        np.testing.assert_allclose(flux[axis], of * unit / rays[:, None, None], rtol=1e-15)  # rounding
 
 
 # --- the chord alone -------------------------------------------------------------------------------------------

@@ -100,7 +100,7 @@ def traced(scene: Scene, device: Device, options: TraceOptions, accumulate: str,
 @pytest.mark.parametrize("width", WIDTHS)
 def test_estimators(oclgrind, width, estimator, accumulate, monkeypatch):
     options = TraceOptions("forward") if estimator == "forward" else TraceOptions(smoothing=estimator == "lines")
-    monkeypatch.setattr(tracer, "MAX_RAYS_PER_ITEM", OF_ITEM[width])
+    monkeypatch.setattr(tracer.SequentialTask, "max_rays_per_item", OF_ITEM[width])
     fates = traced(MIRRORS["power"], oclgrind.device(width), options, accumulate, FEW[width])
     assert fates[0] > 0  # some light is stored
     assert oclgrind.complaints() == []
@@ -159,8 +159,9 @@ BLOCKS = 264  # more than a block
 @pytest.mark.parametrize("width", WIDTHS)
 def test_nonsequential(oclgrind, width, kind, branches, monkeypatch):
     rays, of_item = BLOCKS if width == 8 and kind == "plain" else RAYS, {1: 6, 8: 256}[width]
-    for name, value in {"PILOT_RAYS": 2 * RAYS, "FOUND_SIZE": 4, "MAX_RAYS_PER_ITEM": of_item}.items():
+    for name, value in {"PILOT_RAYS": 2 * RAYS, "FOUND_SIZE": 4}.items():
         monkeypatch.setattr(nonsequential, name, value)
+    monkeypatch.setattr(nonsequential.PathTask, "max_rays_per_item", of_item)
     light = trace_paths(PATHS[kind], device=oclgrind.device(width), rays_per_pixel=rays, replicates=1,
                                       branches=branches)  # fmt: skip
     assert light.ends["detected"] > 0  # some light is stored

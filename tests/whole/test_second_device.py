@@ -20,6 +20,7 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.trace import trace
 
+pytestmark = pytest.mark.needs_device  # its fixture finds two
 FAILURE_CHANCE = 1e-6  # of the one statistical test, of each estimator
 REPLICATES = 32
 OTHER_BINS = 1e-3  # of the rays: rounding takes those at an edge to the other side

@@ -11,12 +11,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from lopsided import lopsided
+from scenes import scene_of
 from scipy import stats
 from significance import poisson_ratio_p, sidak_p, sidak_z
 
 from irtscots_cl.opencl.structs import WEIGHT_ONE
-from irtscots_cl.scene.presets import load_scene, sequential_presets
+from irtscots_cl.scene.presets import sequential_presets
 from irtscots_cl.tracing.trace import trace
 
 FAILURE_CHANCE = 1e-6
@@ -55,7 +55,7 @@ class Pair:
 
 @cache
 def pair(name, device) -> Pair:
-    scene = lopsided() if name == "lopsided" else load_scene(name)
+    scene = scene_of(name)
     rays, seed = RAYS[name], 20 + 2 * SCENES.index(name)
     forward = trace(
         scene, device=device, estimator="forward", rays_per_pixel=rays[0], replicates=1, seed=seed

@@ -1,0 +1,84 @@
+"""The figures of a run: pictures, one map for each of what they are to show."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic import noise_free_stack, small_scene, with_replicates
+
+from irtscots_cl.analysis.comparison import compare
+from irtscots_cl.analysis.error_terms import ErrorTerm
+from irtscots_cl.measurement.reconstruction import reconstruct
+from irtscots_cl.report.figures import height_figure, image_figure, light_curve_figure, parts_figure, write_figures
+
+
+@pytest.fixture(scope="module")
+def run():
+    """Stack, result and comparison of images without a device."""
+    scene = small_scene(pixels=21)
+    stack = with_replicates(noise_free_stack(scene), 3, 0.01)
+    result = reconstruct(stack, scene.nominal())
+    return stack, result, compare(result, scene)
+
+
+@pytest.mark.parametrize("separated", [True, False])
+def test_the_figures_are_pictures(run, tmp_path, separated):
+    """With the parts of the error where they were separated; with and without the truth."""
+    stack, result, comparison = run
+    parts = (ErrorTerm("ray noise", (0.0, 0.0), 1.0, result.height_mm),) if separated else ()
+    names = write_figures(tmp_path, stack, result, comparison if separated else None, parts)
+    assert names == ["images.png", "light_curve.png", "slopes.png", "height.png"] + ["error_parts.png"] * separated
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+    assert all((tmp_path / name).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" for name in names)
+
+
+def maps_of(figure):
+    return [axes.images[0] for axes in figure.axes if axes.images]
+
+
+def test_images_are_those_of_the_named_lines(run):
+    """Row 0 is at the bottom, as one looks at the mirror."""
+    stack = run[0]
+    pictures = maps_of(image_figure(stack))
+    expected = [scan.image(len(scan.positions_mm) // part) for scan in (stack.x, stack.y) for part in (3, 2)]
+    for picture, image in zip(pictures, expected, strict=True):
+        np.testing.assert_array_equal(picture.get_array(), image)
+        assert picture.origin == "lower"
+
+
+def test_the_light_curves_are_of_the_middle_pixel_with_its_centroids(run):
+    stack, result, _ = run
+    for axes, scan, centroid in zip(
+        light_curve_figure(stack, result).axes,
+        (stack.x, stack.y),
+        (result.centroid_x_mm, result.centroid_y_mm),
+        strict=True,
+    ):
+        assert "pixel [10, 10]" in axes.get_title()
+        marked = next(line for line in axes.lines if line.get_label().startswith("centroid"))
+        assert marked.get_xdata()[0] == centroid[10, 10]
+        curve = axes.containers[0].lines[0].get_ydata()
+        np.testing.assert_array_equal(curve, scan.mean_w()[np.flatnonzero(scan.pixels == 10 * 21 + 10)[0]])
+
+
+def test_the_error_is_drawn_where_the_truth_is_known_in_nm_and_from_zero(run):
+    _, result, comparison = run
+    assert len(maps_of(height_figure(result, None))) == 2
+    *_, error = maps_of(height_figure(result, comparison))
+    rows, columns = np.nonzero(result.mask)
+    cut = comparison.error_mm[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] * 1e6
+    np.testing.assert_array_equal(np.ma.filled(error.get_array(), np.nan), cut)
+    low, high = error.get_clim()
+    assert low == -high < 0
+
+
+def test_every_part_of_the_error_has_a_map_of_its_own(run):
+    _, result, _ = run
+    parts = [
+        ErrorTerm(f"part {k}", (0.0, 0.0), float(k), np.where(result.mask, k * 1e-6, np.nan)) for k in range(5)
+    ]
+    figure = parts_figure(result, parts)
+    maps = maps_of(figure)
+    assert [np.nanmax(np.ma.filled(one.get_array(), np.nan)) for one in maps] == [0.0, 1.0, 2.0, 3.0, 4.0]  # nm
+    titles = [axes.get_title() for axes in figure.axes if axes.images]
+    assert titles[3] == "part 3: 3 nm rms"
