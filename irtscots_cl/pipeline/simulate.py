@@ -17,6 +17,7 @@ from irtscots_cl.measurement.prediction import predict_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.report.facts import build_report
+from irtscots_cl.report.types import Report
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.results.paths import PathLight
 from irtscots_cl.tracing.results.transport import LineLight, Transport
@@ -33,7 +34,7 @@ class Run:
     result: Reconstruction
     comparison: Comparison
     parts: tuple[ErrorTerm, ...]
-    report: dict
+    report: Report
 
 
 def simulate(
