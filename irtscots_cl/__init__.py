@@ -29,7 +29,7 @@ The kernels are OpenCL C in kernels/: at the top of the repository, inside the p
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 # Public name -> the module that defines it. Nothing is imported before it is asked for: listing the scenes or a
 # wrong argument on the command line need not wait for NumPy, OpenCL and Matplotlib.
@@ -61,6 +61,36 @@ _PUBLIC = {
 
 # Earlier names, which go on working.
 _ALIASES = {"Keeper": "Checkpoints", "error_parts": "error_terms"}
+
+# The same names for type checkers and editors, which do not run __getattr__.
+if TYPE_CHECKING:
+    from irtscots_cl.analysis.comparison import compare as compare
+    from irtscots_cl.analysis.error_terms import error_terms as error_terms
+    from irtscots_cl.analysis.stray_light import stray_light as stray_light
+    from irtscots_cl.execution.checkpoint import Checkpoints as Checkpoints
+    from irtscots_cl.execution.checkpoint import Interrupted as Interrupted
+    from irtscots_cl.imaging.patterns import LineScan as LineScan
+    from irtscots_cl.maths.integration import integrate_slopes as integrate_slopes
+    from irtscots_cl.maths.integration import noise_gain as noise_gain
+    from irtscots_cl.maths.zernike.polynomials import zernike as zernike
+    from irtscots_cl.measurement.methods import measure_by as measure_by
+    from irtscots_cl.measurement.reconstruction import reconstruct as reconstruct
+    from irtscots_cl.measurement.refinement import refine as refine
+    from irtscots_cl.opencl.device import DeviceError as DeviceError
+    from irtscots_cl.opencl.device import all_devices as all_devices
+    from irtscots_cl.opencl.device import select_device as select_device
+    from irtscots_cl.opencl.device import select_devices as select_devices
+    from irtscots_cl.scene.model import Scene as Scene
+    from irtscots_cl.scene.presets import load_scene as load_scene
+    from irtscots_cl.scene.validation import SceneError as SceneError
+    from irtscots_cl.tracing.results.transport import LineLight as LineLight
+    from irtscots_cl.tracing.results.transport import Transport as Transport
+    from irtscots_cl.tracing.trace import trace as trace
+    from irtscots_cl.tracing.trace import trace_paths as trace_paths
+
+    Keeper = Checkpoints
+    error_parts = error_terms
+    __version__: str
 
 __all__ = ["__version__", *_PUBLIC, *_ALIASES]
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.maths.statistics import jackknife_error
 
 MAX_VALUE = 1e100  # of images and positions from files: squares of their sums stay finite
@@ -30,25 +31,25 @@ class Scan:
     """
 
     axis: str
-    positions_mm: np.ndarray
+    positions_mm: FloatArray
     shape: tuple[int, int]
-    pixels: np.ndarray
-    first_line: np.ndarray
-    flux_w: np.ndarray = field(repr=False)
-    weights: np.ndarray
-    hits: np.ndarray = field(repr=False)
+    pixels: IntArray
+    first_line: IntArray
+    flux_w: FloatArray = field(repr=False)
+    weights: FloatArray
+    hits: FloatArray = field(repr=False)
     saturation_w: float = math.inf
 
     @property
-    def lines(self) -> np.ndarray:
+    def lines(self) -> IntArray:
         """Line numbers [n, window] of the light curves' samples."""
         return self.first_line[:, None] + np.arange(self.flux_w.shape[-1])
 
-    def mean_w(self) -> np.ndarray:
+    def mean_w(self) -> FloatArray:
         """Light curves [n, window], the mean over the replicates."""
         return np.tensordot(self.weights / self.weights.sum(), self.flux_w, 1)
 
-    def jackknife_w(self) -> np.ndarray:
+    def jackknife_w(self) -> FloatArray:
         """Light curves [1 + replicates, n, window]: the mean, then the means with one replicate left out in turn.
 
         A single replicate gives only the mean.
@@ -62,11 +63,11 @@ class Scan:
         # a sample that is dark in all other replicates is exactly 0, without rounding errors of total - weighted
         return np.concatenate([total[None] / self.weights.sum(), np.maximum(left, 0.0)])
 
-    def standard_error_w(self) -> np.ndarray:
+    def standard_error_w(self) -> FloatArray:
         """Standard error [n, window] of mean_w() from the scatter of the replicates; NaN for a single one."""
         return jackknife_error(self.jackknife_w())
 
-    def image(self, line: int, values: np.ndarray | None = None) -> np.ndarray:
+    def image(self, line: int, values: FloatArray | None = None) -> FloatArray:
         """Camera image [rows, columns] under one line: of mean_w(), or of other values [n, window]."""
         values = self.mean_w() if values is None else values
         offset = line - self.first_line
@@ -82,7 +83,7 @@ class Scan:
         return replace(self, flux_w=self.flux_w[one], weights=self.weights[one], hits=self.hits * share)
 
     @classmethod
-    def from_images(cls, axis: str, positions_mm: np.ndarray, images_w: np.ndarray) -> Scan:
+    def from_images(cls, axis: str, positions_mm: FloatArray, images_w: FloatArray) -> Scan:
         """A scan from whole images [lines, rows, columns] or [exposures, lines, rows, columns].
 
         Raises ValueError for other shapes, for positions that do not match or increase, or for values that are not

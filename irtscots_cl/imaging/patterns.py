@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.model import Scene
 
 
@@ -17,7 +18,7 @@ class LineScan:
     """
 
     scene: Scene
-    brightness: np.ndarray | None = None
+    brightness: FloatArray | None = None
 
     def __post_init__(self) -> None:
         columns, rows = self.scene.screen.pixels
@@ -28,9 +29,9 @@ class LineScan:
         if not (np.isfinite(self.brightness).all() and np.min(self.brightness) >= 0):
             raise ValueError("brightness must be finite and not negative")
 
-    def positions_mm(self, axis: str) -> np.ndarray:
+    def positions_mm(self, axis: str) -> FloatArray:
         """Centres [lines] of the lines of the "x" or "y" scan in the screen's own x or y."""
         k = "xy".index(axis)
         screen = self.scene.screen
         count = screen.pixels[k]
-        return (np.arange(count) - (count - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[k]
+        return (np.arange(count, dtype=float) - (count - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[k]

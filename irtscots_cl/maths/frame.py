@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from irtscots_cl.maths.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -14,22 +17,24 @@ class Frame:
     position_mm: [3]; axes: [3, 3], the rows are the unit vectors x, y, z. x = unit(Y_world x z), y = z x x.
     """
 
-    position_mm: np.ndarray
-    axes: np.ndarray
+    position_mm: FloatArray
+    axes: FloatArray
 
     @classmethod
-    def looking(cls, position_mm, look_at_mm) -> Frame:
+    def looking(cls, position_mm: ArrayLike, look_at_mm: ArrayLike) -> Frame:
         """Frame of a device at position_mm [3] that looks at look_at_mm [3], not along the world's Y axis."""
         position = np.asarray(position_mm, float)
         z = _unit(position - np.asarray(look_at_mm, float))
         x = _unit(np.cross([0.0, 1.0, 0.0], z))
         return cls(position, np.stack([x, np.cross(z, x), z]))
 
-    def to_world(self, u_mm, v_mm) -> np.ndarray:
+    def to_world(self, u_mm: ArrayLike, v_mm: ArrayLike) -> FloatArray:
         """World coordinates [..., 3] of the points (u, v, 0) of the frame."""
-        return self.position_mm + np.multiply.outer(u_mm, self.axes[0]) + np.multiply.outer(v_mm, self.axes[1])
+        along_u, along_v = np.multiply.outer(u_mm, self.axes[0]), np.multiply.outer(v_mm, self.axes[1])
+        world: FloatArray = self.position_mm + along_u + along_v
+        return world
 
-    def arrive(self, points_mm, directions) -> tuple[np.ndarray, np.ndarray]:
+    def arrive(self, points_mm: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Where rays from world points [..., 3] along directions [..., 3] cross the plane z = 0: (u, v) [...] in mm."""
         from_device = (points_mm - self.position_mm) @ self.axes.T
         along = directions @ self.axes.T
@@ -37,5 +42,5 @@ class Frame:
         return from_device[..., 0] + step * along[..., 0], from_device[..., 1] + step * along[..., 1]
 
 
-def _unit(vector: np.ndarray) -> np.ndarray:
+def _unit(vector: FloatArray) -> FloatArray:
     return vector / np.linalg.norm(vector)

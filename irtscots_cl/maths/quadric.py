@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irtscots_cl.maths.arrays import FloatArray
+
 
 @dataclass(frozen=True)
 class Quadric:
@@ -38,7 +40,9 @@ class Quadric:
             float(x @ parent @ z / gradient),
         )
 
-    def meet(self, x0, y0, p, q) -> np.ndarray:
+    def meet(
+        self, x0: FloatArray | float, y0: FloatArray | float, p: FloatArray | float, q: FloatArray | float
+    ) -> FloatArray:
         """Height z where the lines (x0 + p z, y0 + q z, z) meet the surface nearest the origin; NaN if they miss.
 
         Only points of the parent whose normal has an upward component count: not those above its widest circle or on
@@ -51,7 +55,7 @@ class Quadric:
             z = c / (b + np.sqrt(b * b - a * c))
             return np.where(self.q_zz * z + self.q_xz * (x0 + p * z) < 1.0, z, np.nan)
 
-    def gradient(self, x, y, z) -> tuple[np.ndarray, np.ndarray]:
+    def gradient(self, x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Slopes dz/dx, dz/dy of the surface at its points (x, y, z)."""
         down = 1.0 - self.q_zz * z - self.q_xz * x
         return (self.q_xx * x + self.q_xz * z) / down, self.q_yy * y / down

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from irtscots_cl.imaging.image_stack import Scan
+from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.light_curves import effective_screen_pixels, positions
 
 
-def centroids(scan: Scan, curves_w: np.ndarray, threshold: float = 0.0) -> np.ndarray:
+def centroids(scan: Scan, curves_w: FloatArray, threshold: float = 0.0) -> FloatArray:
     """Flux-weighted mean line position [..., n] in mm of light curves curves_w [..., n, window] (paper, Eq. 4).
 
     Only the effective screen pixels count; threshold: see effective_screen_pixels. NaN for a curve without light.
@@ -16,10 +17,11 @@ def centroids(scan: Scan, curves_w: np.ndarray, threshold: float = 0.0) -> np.nd
     flux = np.where(effective_screen_pixels(curves_w, threshold), curves_w, 0.0)
     offset = _offsets(scan)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return scan.positions_mm[scan.first_line] + (flux * offset).sum(-1) / flux.sum(-1)
+        found: FloatArray = scan.positions_mm[scan.first_line] + (flux * offset).sum(-1) / flux.sum(-1)
+    return found
 
 
-def poisson_error(scan: Scan, curves_w: np.ndarray) -> np.ndarray:
+def poisson_error(scan: Scan, curves_w: FloatArray) -> FloatArray:
     """Standard error [n] in mm of the centroids of curves_w [n, window] from counting statistics.
 
     It is the curve's standard deviation divided by the root of its number of rays. NaN if that number is unknown or 1.
@@ -33,6 +35,6 @@ def poisson_error(scan: Scan, curves_w: np.ndarray) -> np.ndarray:
         return np.where(scan.hits > 1.5, np.sqrt(variance / scan.hits), np.nan)
 
 
-def _offsets(scan: Scan) -> np.ndarray:
+def _offsets(scan: Scan) -> FloatArray:
     """Line positions [n, window] relative to each curve's first line. Small numbers keep the moments exact."""
     return positions(scan) - scan.positions_mm[scan.first_line][:, None]

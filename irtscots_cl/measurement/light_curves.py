@@ -7,6 +7,7 @@ from enum import IntEnum
 import numpy as np
 
 from irtscots_cl.imaging.image_stack import Scan
+from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 
 EDGE_TOLERANCE = 0.05  # lines: light lost there shifts the centroid by about 0.8 um, 0.1 urad
 DARK_EDGE_TOLERANCE = 0.5  # lines, if the edge line is dark: noise moves the centroid of a few rays
@@ -23,16 +24,17 @@ class Flag(IntEnum):
     SATURATED = 4  # a sample of some exposure is at the camera's limit: a flat top hides the centre
 
 
-def effective_screen_pixels(curves_w: np.ndarray, threshold: float = 0.0) -> np.ndarray:
+def effective_screen_pixels(curves_w: FloatArray, threshold: float = 0.0) -> BoolArray:
     """Samples [..., n, window] of light curves that count for the centroid: those above threshold x peak.
 
     The effective screen pixel is the screen area that lights a detector pixel (paper, section 2.2). The default
     uses every sample with light, which suits images without background.
     """
-    return curves_w > threshold * np.max(curves_w, axis=-1, keepdims=True, initial=0.0)
+    counts: BoolArray = curves_w > threshold * np.max(curves_w, axis=-1, keepdims=True, initial=0.0)
+    return counts
 
 
-def positions(scan: Scan) -> np.ndarray:
+def positions(scan: Scan) -> FloatArray:
     """Line positions [n, window] in mm of a scan's samples.
 
     In a window wider than the scan, samples past the last line are dark, so their positions do not matter.
@@ -40,7 +42,7 @@ def positions(scan: Scan) -> np.ndarray:
     return scan.positions_mm[np.minimum(scan.lines, len(scan.positions_mm) - 1)]
 
 
-def flag_curves(scan: Scan, curves_w: np.ndarray, centroid_mm: np.ndarray, reach_mm: np.ndarray) -> np.ndarray:
+def flag_curves(scan: Scan, curves_w: FloatArray, centroid_mm: FloatArray, reach_mm: FloatArray) -> IntArray:
     """A Flag [n] for each light curve curves_w [n, window] of the scan.
 
     centroid_mm: [n] of the curves. reach_mm: [n] half-extent of a pixel's light on the screen, from the design's

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from irtscots_cl.imaging.image_stack import Scan
+from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.light_curves import effective_screen_pixels
 from irtscots_cl.optics.pixel.response import PixelResponse
 
@@ -19,8 +20,8 @@ CONVERGED = 1e-6  # mm: 1e-4 urad in the paper's test
 
 
 def sampling_error(
-    positions_mm: np.ndarray, light: PixelResponse, output: str, centre_mm: np.ndarray, threshold: float = 0.0
-) -> np.ndarray:
+    positions_mm: FloatArray, light: PixelResponse, output: str, centre_mm: FloatArray, threshold: float = 0.0
+) -> FloatArray:
     """Centroid of noise-free light curves minus that of the light: [n] mm, NaN where the model does not hold.
 
     The light of the n pixels of `light` along output, "u" or "v", is moved so that its centroids are at centre_mm [n].
@@ -39,10 +40,11 @@ def sampling_error(
     flux = light.light(output, edges - moved[:, None])
     flux = np.where(effective_screen_pixels(flux, threshold), flux, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return (flux * (lines - centre_mm[:, None])).sum(1) / flux.sum(1)
+        error: FloatArray = (flux * (lines - centre_mm[:, None])).sum(1) / flux.sum(1)
+    return error
 
 
-def profile_centroids(scan: Scan, light: PixelResponse, centroid_mm: np.ndarray, threshold: float = 0.0) -> np.ndarray:
+def profile_centroids(scan: Scan, light: PixelResponse, centroid_mm: FloatArray, threshold: float = 0.0) -> FloatArray:
     """Centroids [n] in mm of the light, from the centroids [n] of its light curves and the modelled profile.
 
     light: of the design's pixels. A pixel without a model keeps its centroid.
@@ -60,7 +62,7 @@ def profile_centroids(scan: Scan, light: PixelResponse, centroid_mm: np.ndarray,
     return result
 
 
-def sampled_centroids(scan: Scan, light: PixelResponse, threshold: float = 0.0) -> np.ndarray:
+def sampled_centroids(scan: Scan, light: PixelResponse, threshold: float = 0.0) -> FloatArray:
     """Centroids [n] in mm of the modelled light's curves on the scan's lines; NaN for pixels without a model."""
     known, index, output = _common(scan, light)
     centre = light.means(output)[0]
@@ -69,7 +71,7 @@ def sampled_centroids(scan: Scan, light: PixelResponse, threshold: float = 0.0) 
     return result
 
 
-def _common(scan: Scan, light: PixelResponse) -> tuple[np.ndarray, np.ndarray, str]:
+def _common(scan: Scan, light: PixelResponse) -> tuple[IntArray, IntArray, str]:
     """Indices of the common pixels in scan.pixels and in light.pixels, and the light's coordinate along the scan."""
     _, known, index = np.intersect1d(scan.pixels, light.pixels, assume_unique=True, return_indices=True)
     return known, index, "uv"["xy".index(scan.axis)]

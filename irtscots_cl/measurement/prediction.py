@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
+from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.maths.statistics import jackknife_error
@@ -73,7 +74,7 @@ def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
     )
 
 
-def _line_sampling(result: Reconstruction, scan: Scan) -> np.ndarray:
+def _line_sampling(result: Reconstruction, scan: Scan) -> FloatArray:
     """Error [rows, columns] in mm of the centroids from sampling by lines; 0 where the model removes it."""
     left = np.where(result.mask, 0.0, np.nan)
     if result.light_curve != "centroid" or result.updates_nm:
@@ -84,7 +85,7 @@ def _line_sampling(result: Reconstruction, scan: Scan) -> np.ndarray:
     return left
 
 
-def _heights(result: Reconstruction, slope_x: np.ndarray, slope_y: np.ndarray) -> list[np.ndarray]:
+def _heights(result: Reconstruction, slope_x: FloatArray, slope_y: FloatArray) -> list[FloatArray]:
     """Heights of slope maps [..., rows, columns], piston and tilt removed, as a list of maps."""
     heights = integrate_slopes(result.x_mm, result.y_mm, slope_x, slope_y, result.mask, result.method)
     return [
@@ -93,7 +94,7 @@ def _heights(result: Reconstruction, slope_x: np.ndarray, slope_y: np.ndarray) -
     ]
 
 
-def _slope_per_mm(chief: ChiefRays, result: Reconstruction, step_mm: float = 1e-3) -> list[np.ndarray]:
+def _slope_per_mm(chief: ChiefRays, result: Reconstruction, step_mm: float = 1e-3) -> list[FloatArray]:
     """|d slope / d centroid| [rad/mm] of every pixel, along x and y."""
     points = np.stack([result.x_mm, result.y_mm, result.height_mm], -1)
     camera, to_world = chief.camera_frame.position_mm, chief.screen_frame.to_world

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import pinvh
 
 from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.maths.zernike.polynomials import zernike
@@ -53,7 +54,7 @@ def refine(
     return result
 
 
-def _fit(result: Reconstruction) -> np.ndarray:
+def _fit(result: Reconstruction) -> FloatArray:
     """Matrix [terms, pixels used] from heights to coefficients of Noll terms 1, 2, ... by least squares over the mask.
 
     It uses normal equations: the terms are nearly orthogonal over a mirror. Combinations of terms that the mask cannot
@@ -65,17 +66,18 @@ def _fit(result: Reconstruction) -> np.ndarray:
     radius = result.nominal.mirror.diameter_mm / 2
     x, y = result.x_mm[result.mask] / radius, result.y_mm[result.mask] / radius
     basis = np.stack([zernike(noll, x, y) for noll in range(1, (order + 1) * (order + 2) // 2 + 1)])
-    return pinvh(basis @ basis.T, rtol=1e-10) @ basis
+    fit: FloatArray = pinvh(basis @ basis.T, rtol=1e-10) @ basis
+    return fit
 
 
-def modelled(result: Reconstruction, fit: np.ndarray) -> Scene:
+def modelled(result: Reconstruction, fit: FloatArray) -> Scene:
     """The design with the measured deviation as Zernike terms. fit: see _fit."""
     mirror, fit_um = result.nominal.mirror, fit @ result.deviation_mm[result.mask] * 1e3
     terms = ZernikeTerms(mirror.diameter_mm / 2, "noll", dict(enumerate(fit_um.tolist(), 1)))
     return dataclasses.replace(result.nominal, mirror=dataclasses.replace(mirror, zernike=(terms,)))
 
 
-def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray) -> Reconstruction:
+def _round(result: Reconstruction, stack: ImageStack, fit: FloatArray) -> Reconstruction:
     """One round: the model's light curves, and the surface that explains the measured ones."""
     scene, mask = modelled(result, fit), result.mask
     chief = ChiefRays(scene)
@@ -104,7 +106,7 @@ def _round(result: Reconstruction, stack: ImageStack, fit: np.ndarray) -> Recons
             differ = deconvolve_pixel(differ, mask)
         kept = result.estimates(f"slope_{axis}") - gradient  # for pixels without light in the model
         extra.append(np.where(np.isfinite(differ), differ, kept))
-    differ = integrate_slopes(result.x_mm, result.y_mm, *extra, mask, result.method)
+    differ = integrate_slopes(result.x_mm, result.y_mm, extra[0], extra[1], mask, result.method)
     deviation = surface.deviation_at(result.x_mm, result.y_mm)[0] + differ
     deviation = deviation - np.nanmean(deviation, axis=(1, 2), keepdims=True)
     slopes = [gradient + e for gradient, e in zip(own, extra, strict=True)]

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
 
-def half_vector_slopes(mirror_mm: np.ndarray, screen_mm: np.ndarray, camera_mm: np.ndarray):
+
+def half_vector_slopes(
+    mirror_mm: FloatArray, screen_mm: FloatArray, camera_mm: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Slopes (dz/dx, dz/dy) [...] of the mirror at its points (paper, Eq. 3; Su et al. 2010).
 
     mirror_mm, screen_mm: [..., 3] points of the mirror and the screen points that they reflect into the camera;
@@ -19,7 +23,7 @@ def half_vector_slopes(mirror_mm: np.ndarray, screen_mm: np.ndarray, camera_mm: 
     return -half[..., 0] / half[..., 2], -half[..., 1] / half[..., 2]
 
 
-def deconvolve_pixel(slope: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def deconvolve_pixel(slope: FloatArray, mask: BoolArray) -> FloatArray:
     """Slopes at the pixels' centres from their means over the pixels: [..., rows, columns], mask [rows, columns].
 
     The mean of a smooth function over a pixel is its value at the centre plus 1/24 of its second differences along rows

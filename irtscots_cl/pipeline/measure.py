@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import cast
 
 from irtscots_cl.analysis.comparison import HEIGHT_TERMS
 from irtscots_cl.imaging.image_stack import ImageStack
@@ -10,10 +11,13 @@ from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.methods import measure_by
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
 from irtscots_cl.report.result_file import write_result
+from irtscots_cl.report.types import HeightErrors, MeasuredFacts, Refused
 from irtscots_cl.scene.model import Scene
 
 
-def measure(stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 0.0, how: str = "paper") -> dict:
+def measure(
+    stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 0.0, how: str = "paper"
+) -> MeasuredFacts:
     """Measure a mirror from images alone, without a truth to compare with.
 
     how: a name of measures.MEASURES. Writes result.h5 and figures into the folder and returns the main facts, named as
@@ -33,6 +37,6 @@ def measure(stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 
         "measure": how,
         "refinement_updates_nm": list(result.updates_nm),
         "pixels_used": result.pixels_used,
-        "light_curves_refused": result.refused(),
-        "deviation_nm_rms": deviation,
+        "light_curves_refused": cast("Refused", result.refused()),
+        "deviation_nm_rms": cast("HeightErrors", deviation),
     }

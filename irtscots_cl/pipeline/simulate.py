@@ -18,6 +18,7 @@ from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.report.facts import build_report
+from irtscots_cl.report.types import Report
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.results.paths import PathLight
 from irtscots_cl.tracing.results.transport import LineLight, Transport
@@ -34,7 +35,7 @@ class Run:
     result: Reconstruction
     comparison: Comparison
     parts: tuple[ErrorTerm, ...]
-    report: dict
+    report: Report
 
 
 def simulate(

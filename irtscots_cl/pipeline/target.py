@@ -10,6 +10,7 @@ import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from irtscots_cl.measurement.prediction import predict_error
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.simulate import Run, simulate
+from irtscots_cl.report.types import SettingFacts, Target
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import ANALYTIC, ESTIMATORS, TraceOptions
 from irtscots_cl.tracing.trace import trace
@@ -69,7 +71,7 @@ def check_target(target_nm: float, estimator: str) -> None:
         raise ValueError(f"--target-nm: --estimator = {estimator!r}: must be one of {', '.join(ESTIMATORS)}")
 
 
-def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed) -> list[Setting]:
+def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed: Any) -> list[Setting]:
     """Settings that are predicted to meet the target, the cheapest first.
 
     fixed: estimator, sampler, precision, smoothing, measure where the choice is not free. Raises ValueError if none
@@ -98,7 +100,7 @@ def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed) -> lis
     return usable
 
 
-def _ways(device: Device, fixed: dict) -> list[TraceOptions]:
+def _ways(device: Device, fixed: dict[str, Any]) -> list[TraceOptions]:
     """The ways to trace that are looked at: smoothed Sobol rays unless something else was fixed."""
     estimator = fixed.get("estimator", "adjoint")
     precisions = [fixed["precision"]] if "precision" in fixed else ["fp32", "fp64"][: 1 + device.has_fp64]
@@ -162,7 +164,7 @@ def run_to_target(
     seed: int = 1,
     parts: bool = False,
     progress: Callable[[int, int], None] | None = None,
-    **fixed,
+    **fixed: Any,
 ) -> Run:
     """Run the cheapest setting that is predicted to meet the target, with more rays should it miss.
 
@@ -180,11 +182,11 @@ def run_to_target(
         if reached <= target_nm or attempt == RERUNS:
             break
         chosen = dataclasses.replace(chosen, rays_per_pixel=4 * chosen.rays_per_pixel)
-    facts = {
+    facts: Target = {
         "target_nm": target_nm,
         "reached_nm": reached,
         "met": reached <= target_nm,
         "attempts": attempt + 1,
-        "predicted": dataclasses.asdict(chosen),
+        "predicted": cast("SettingFacts", dataclasses.asdict(chosen)),
     }
-    return dataclasses.replace(run, report=run.report | {"target": facts})
+    return dataclasses.replace(run, report={**run.report, "target": facts})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
 from irtscots_cl.analysis.comparison import Comparison
 from irtscots_cl.analysis.error_terms import ErrorTerm
@@ -10,6 +11,17 @@ from irtscots_cl.analysis.stray_light import StrayLight
 from irtscots_cl.measurement.prediction import PredictedError
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.report.tables import as_xy, error_term_facts
+from irtscots_cl.report.types import (
+    AlongAxes,
+    DeviceFacts,
+    HeightErrors,
+    Ledger,
+    PathReport,
+    Refused,
+    Report,
+    Seconds,
+    TraceSeconds,
+)
 from irtscots_cl.system.versions import versions
 from irtscots_cl.tracing.results.paths import PathLight
 from irtscots_cl.tracing.results.transport import LineLight, Transport
@@ -23,13 +35,13 @@ def build_report(
     predicted: PredictedError,
     parts: tuple[ErrorTerm, ...],
     seconds: dict[str, float],
-) -> dict:
+) -> Report:
     """The contents of report.json. measure: name of the measurement method. parts: terms of the height
     error, may be empty. seconds: build, trace, reconstruct, total."""
-    height = {key: estimate.value for key, estimate in comparison.height_error_nm.items()}
+    slopes, heights = comparison.slope_error_urad, comparison.height_error_nm
     return {
         "scene": transport.scene.name,
-        "device": transport.device,
+        "device": cast("DeviceFacts", transport.device),
         "estimator": transport.options.estimator,
         "sampler": transport.options.sampler,
         "precision": transport.options.precision,
@@ -44,14 +56,14 @@ def build_report(
         "rays_total": transport.rays_total,
         "rays_per_pixel": int(transport.rays.sum()),
         "rays_per_second": transport.rays_total / seconds["trace"],
-        "seconds": seconds,
-        "ledger": transport.ledger,
+        "seconds": cast("Seconds", seconds),
+        "ledger": cast("Ledger", transport.ledger),
         "pixels_used": comparison.pixels_used,
-        "light_curves_refused": result.refused(),
-        "slope_error_urad_rms": {axis: e.value for axis, e in comparison.slope_error_urad.items()},
-        "slope_error_urad_rms_standard_error": {a: e.standard_error for a, e in comparison.slope_error_urad.items()},
-        "height_error_nm_rms": height,
-        "height_error_nm_rms_standard_error": {t: e.standard_error for t, e in comparison.height_error_nm.items()},
+        "light_curves_refused": cast("Refused", result.refused()),
+        "slope_error_urad_rms": cast("AlongAxes", {axis: e.value for axis, e in slopes.items()}),
+        "slope_error_urad_rms_standard_error": cast("AlongAxes", {a: e.standard_error for a, e in slopes.items()}),
+        "height_error_nm_rms": cast("HeightErrors", {terms: e.value for terms, e in heights.items()}),
+        "height_error_nm_rms_standard_error": cast("HeightErrors", {t: e.standard_error for t, e in heights.items()}),
         "height_standard_error_nm": comparison.height_standard_error_nm,
         "predicted": {
             "slope_error_urad_rms": as_xy(predicted.slope),
@@ -74,18 +86,18 @@ def build_report(
     }
 
 
-def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> dict:
+def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> PathReport:
     """The results of a non-sequential trace that `irtscots paths` prints."""
     direct = sum(path.flux_w for path in light.paths if path.kind == "direct")
     return {
         "scene": light.scene.name,
-        "device": light.device,
+        "device": cast("DeviceFacts", light.device),
         "sampler": light.options.sampler,
         "precision": light.options.precision,
         "seed": light.options.seed,
         "replicates": light.replicates,
         "rays_total": light.rays_total,
-        "seconds": light.seconds,
+        "seconds": cast("TraceSeconds", light.seconds),
         "rays_per_second": light.rays_total / light.seconds["trace"],
         "ends": light.ends,
         "launched_w": light.launched_w,

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from irtscots_cl.analysis.comparison import Comparison
 from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.low_order import remove_terms
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.optics.pixel.chord import chord_cdf
@@ -126,9 +129,11 @@ def parts_figure(result: Reconstruction, parts: tuple[ErrorTerm, ...]) -> Figure
     return figure
 
 
-def _map(figure: Figure, axes, result: Reconstruction, values: np.ndarray, title: str, unit: str, colours: str) -> None:
+def _map(
+    figure: Figure, axes: Axes, result: Reconstruction, values: FloatArray, title: str, unit: str, colours: str
+) -> None:
     """One map on the detector's grid, labelled with the mirror coordinates of its rows and columns."""
-    limits = {}
+    limits: dict[str, Any] = {}
     if colours == "RdBu_r":
         # single noisy rim pixels do not set the scale; a map of zeros gets scale 1
         largest = np.nanpercentile(np.abs(values), 99.5) or 1.0

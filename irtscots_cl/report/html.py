@@ -6,10 +6,11 @@ from importlib.resources import files
 from pathlib import Path
 
 from irtscots_cl.report.tables import summary_tables
+from irtscots_cl.report.types import Report
 from irtscots_cl.system.atomic_files import write_text
 
 
-def write_html(path: Path, report: dict, figures: list[str], toml: str) -> None:
+def write_html(path: Path, report: Report, figures: list[str], toml: str) -> None:
     """Write report.html next to its figures folder."""
     import jinja2
 

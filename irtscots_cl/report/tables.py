@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.report.types import AlongAxes, ErrorPart, MeasuredFacts, PathReport, Refused, Report, Target
 
 
 @dataclass(frozen=True)
@@ -15,10 +18,10 @@ class Table:
 
     title: str
     head: tuple[str, ...]
-    rows: list[tuple[str, ...]]
+    rows: Sequence[tuple[str, ...]]
 
 
-def path_tables(facts: dict) -> list[Table]:
+def path_tables(facts: PathReport) -> list[Table]:
     """The paths by flux, the numbers of rays by how they ended, and the places where light was absorbed."""
     shown = [path for path in facts["paths"] if path["rays"]]
     stray = [(s["kind"], f"{s['of_direct']:.3g}",
@@ -45,16 +48,16 @@ def _short_mm(length_mm: float) -> str:
     return f"{round(length_mm, 3) + 0.0:.3f}" if math.isfinite(length_mm) else ""  # + 0.0 avoids -0
 
 
-def error_term_facts(part: ErrorTerm) -> dict:
-    slopes = dict(zip("xy", part.slope_urad, strict=True))
-    return {"part": part.name, "slope_urad_rms": slopes, "height_nm_rms": part.height_nm}
+def error_term_facts(part: ErrorTerm) -> ErrorPart:
+    x, y = part.slope_urad
+    return {"part": part.name, "slope_urad_rms": {"x": x, "y": y}, "height_nm_rms": part.height_nm}
 
 
-def as_xy(values: tuple[float, float]) -> dict[str, float]:
+def as_xy(values: tuple[float, float]) -> AlongAxes:
     return {"x": values[0] * 1e6, "y": values[1] * 1e6}
 
 
-def summary_tables(report: dict) -> list[Table]:
+def summary_tables(report: Report) -> list[Table]:
     """The short tables of a run: speed, errors and their predictions, Zernike coefficients of the scene."""
     tables = [_run_table(report), _error_table(report)]
     if report["error_parts"]:
@@ -81,7 +84,7 @@ def summary_tables(report: dict) -> list[Table]:
     return tables
 
 
-def _run_table(report: dict) -> Table:
+def _run_table(report: Report) -> Table:
     seconds, ledger, refused = report["seconds"], report["ledger"], report["light_curves_refused"]
     fates = ", ".join(
         f"{name.replace('_', ' ')} {count:,}" for name, count in ledger.items() if count and name != "launched"
@@ -99,14 +102,14 @@ def _run_table(report: dict) -> Table:
     )
 
 
-def measured_table(facts: dict) -> Table:
+def measured_table(facts: MeasuredFacts) -> Table:
     """The results of pipeline.measure for a lab's images."""
     rows = [("pixels used", pixels_text(facts["pixels_used"], facts["light_curves_refused"]))]
     rows += [(f"without {terms.replace('_', ', ')} [nm]", f"{v:.4g}") for terms, v in facts["deviation_nm_rms"].items()]
     return Table("Deviation from the design, rms", ("", ""), rows)
 
 
-def pixels_text(used: int, refused: dict[str, int]) -> str:
+def pixels_text(used: int, refused: Refused) -> str:
     """Number of pixels used and, if any, of pixels on the mirror with unusable light curves."""
     return ", ".join([f"{used:,}", *(f"not used: {count:,} {name}" for name, count in refused.items() if count)])
 
@@ -116,8 +119,9 @@ def _shown(value: float) -> str:
     return f"{value:.3g}" if math.isfinite(value) else "-"
 
 
-def _error_table(report: dict) -> Table:
-    predicted, rows = report["predicted"], []
+def _error_table(report: Report) -> Table:
+    predicted = report["predicted"]
+    rows: list[tuple[str, ...]] = []
     for axis in ("x", "y"):
         estimate = Estimate(report["slope_error_urad_rms"][axis], report["slope_error_urad_rms_standard_error"][axis])
         rows.append(
@@ -129,8 +133,9 @@ def _error_table(report: dict) -> Table:
                 _shown(predicted["slope_line_sampling_urad_rms"][axis]),
             )
         )
-    for terms, value in report["height_error_nm_rms"].items():
-        estimate = Estimate(value, report["height_error_nm_rms_standard_error"][terms])
+    errors = cast("dict[str, float]", report["height_error_nm_rms_standard_error"])
+    for terms, value in cast("dict[str, float]", report["height_error_nm_rms"]).items():
+        estimate = Estimate(value, errors[terms])
         parts = (
             [
                 _shown(predicted[key])
@@ -143,7 +148,7 @@ def _error_table(report: dict) -> Table:
     return Table("Error, rms over the pixels used", ("", "actual", "predicted", "ray noise", "line sampling"), rows)
 
 
-def _target_table(target: dict) -> Table:
+def _target_table(target: Target) -> Table:
     chosen = target["predicted"]
     rows = [
         ("reached", f"{target['reached_nm']:.3g} nm" + ("" if target["met"] else ": MISSED")),
@@ -159,9 +164,9 @@ def _target_table(target: dict) -> Table:
     return Table(f"Target: height error {target['target_nm']:g} nm, piston and tilt removed", ("", ""), rows)
 
 
-def _parts_table(report: dict) -> Table:
+def _parts_table(report: Report) -> Table:
     rows = [
-        (part["part"], *(_shown(part["slope_urad_rms"][axis]) for axis in "xy"), _shown(part["height_nm_rms"]))
+        (part["part"], *(_shown(part["slope_urad_rms"][axis]) for axis in ("x", "y")), _shown(part["height_nm_rms"]))
         for part in report["error_parts"]
     ]
     head = ("", "slope x [urad]", "slope y [urad]", "height [nm]")

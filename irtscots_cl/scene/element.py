@@ -105,7 +105,7 @@ class Element:
                 refuse((key,), value, f"be given for kind {self.kind!r}")
             if value is not None and key not in ALLOWS[self.kind]:
                 refuse((key,), value, f"be left out for kind {self.kind!r}")
-        if self.coating_index is not None:
+        if self.coating_index is not None and self.index_front is not None and self.index_back is not None:
             least = min(self.index_front, self.index_back)
             if self.reflectance is not None:
                 refuse(("coating_index",), self.coating_index, "be left out where reflectance is given, or that")

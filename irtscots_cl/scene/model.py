@@ -68,16 +68,17 @@ class Scene:
     def from_dict(cls, data: dict[str, Any], source: str = "scene") -> Scene:
         """The scene of a parsed TOML file. Raises SceneError; its message names `source` as the file."""
         mirror = data.get("mirror") if isinstance(data, dict) else None
-        entries = mirror.get("zernike") if isinstance(mirror, dict) else None
-        if isinstance(entries, list):
-            terms = [_zernike_from_toml(e, source, ("mirror", "zernike", k)) for k, e in enumerate(entries)]
+        if isinstance(mirror, dict) and isinstance(mirror.get("zernike"), list):
+            entries = enumerate(mirror["zernike"])
+            terms = [_zernike_from_toml(entry, source, ("mirror", "zernike", k)) for k, entry in entries]
             mirror = {**mirror, "zernike": terms}
         mirror = _with_scatter(mirror, source, ("mirror",))
         data = {**data, "mirror": mirror} if isinstance(mirror, dict) else data
         if isinstance(data, dict) and isinstance(data.get("element"), list):
             elements = [_with_scatter(entry, source, ("element", k)) for k, entry in enumerate(data["element"])]
             data = {**data, "element": elements}
-        return _validated(cls, data, source)
+        scene: Scene = _validated(cls, data, source)
+        return scene
 
     @property
     def is_sequential(self) -> bool:
@@ -132,4 +133,5 @@ def _zernike_from_toml(entry: object, source: str, prefix: tuple[Any, ...]) -> Z
         terms = {int(index): value for index, value in terms.items()}
     fields = {"radius_mm": entry["radius_mm"]} if "radius_mm" in entry else {}
     fields |= {"ordering": ZERNIKE_KEYS[key], "coefficients_um": terms}
-    return _validated(ZernikeTerms, fields, source, prefix, rename=key)
+    checked_terms: ZernikeTerms = _validated(ZernikeTerms, fields, source, prefix, rename=key)
+    return checked_terms

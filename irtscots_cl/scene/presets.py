@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import os
 from importlib import resources
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import nearest, problem
 
+if TYPE_CHECKING:
+    from importlib.resources.abc import Traversable
+
 MAX_FILE_BYTES = 2**20
 
 
-def _folder() -> Any:
+def _folder() -> Traversable:
     return resources.files(__package__).joinpath("preset_scenes")
 
 

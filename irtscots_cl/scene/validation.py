@@ -32,7 +32,8 @@ def bounded(**bounds: float) -> Any:
     """A range of floats, given as pydantic's gt, ge, le, with its text for error messages."""
     words = {"gt": "above", "ge": "at least", "le": "at most"}
     text = "a finite number " + " and ".join(f"{words[kind]} {limit:g}" for kind, limit in bounds.items())
-    return Field(allow_inf_nan=False, description=text, **bounds)
+    limits: dict[str, Any] = dict(bounds)
+    return Field(allow_inf_nan=False, description=text, **limits)
 
 
 def _whole(value: object, check: Any) -> object:
@@ -192,7 +193,8 @@ def checked(key: str) -> Callable[[type[_Part]], type[_Part]]:
     """
 
     def decorate(cls: type[_Part]) -> type[_Part]:
-        cls = _parts[key] = dataclass(frozen=True, config=ConfigDict(extra="forbid"))(cls)
+        made = dataclass(frozen=True, config=ConfigDict(extra="forbid"))(cls)
+        cls = _parts[key] = typing.cast("type[_Part]", made)
         build = cls.__init__
 
         @functools.wraps(build)
@@ -202,7 +204,7 @@ def checked(key: str) -> Callable[[type[_Part]], type[_Part]]:
             except ValidationError as error:
                 raise translate(error, cls, cls.__name__) from None
 
-        cls.__init__ = __init__  # type: ignore[misc]
+        cls.__init__ = __init__  # type: ignore[method-assign]
         return cls
 
     return decorate

@@ -8,6 +8,7 @@ from synthetic import small_scene
 
 from irtscots_cl.pipeline import target as targets
 from irtscots_cl.pipeline.target import MARGIN, REPLICATES, check_target, plan, run_to_target
+from irtscots_cl.report.types import Target
 
 
 @pytest.fixture(scope="module")
@@ -19,6 +20,7 @@ def scene():
 def test_a_run_reaches_what_was_asked_for(scene, device, target):
     run = run_to_target(scene, target, device=device, seed=3)
     facts = run.report["target"]
+    assert facts.keys() == Target.__required_keys__
     assert facts["met"] and facts["reached_nm"] <= target and facts["attempts"] <= 2
     assert facts["reached_nm"] == run.comparison.height_error_nm["piston_tilt"].value
     chosen = facts["predicted"]

@@ -18,6 +18,7 @@ from scipy import stats
 from significance import poisson_ratio_p, sidak_p, sidak_z
 from tracers import path_tracer_of
 
+from irtscots_cl.execution.launch_plan import RateMeter
 from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.scene.element import Element
@@ -424,7 +425,7 @@ def test_the_same_seed_gives_the_same_bits_for_any_cut_into_launches(device, mon
 
     first, again = run(), run()
     monkeypatch.setattr(nonsequential.PathTask, "max_rays_per_item", 768)
-    monkeypatch.setattr(nonsequential.RateMeter, "launch_rays", lambda self, first: 100_000)
+    monkeypatch.setattr(RateMeter, "launch_rays", lambda self, first: 100_000)
     cut, other = run(), run(seed=8)
     for light in (again, cut):
         np.testing.assert_array_equal(light.images_w, first.images_w)

@@ -323,7 +323,7 @@ def test_counts_do_not_depend_on_the_launches(device, monkeypatch, sampler, esti
     options = {"device": device, "sampler": sampler, "estimator": estimator, "rays_per_pixel": 2500, "replicates": 2}
     whole = trace(coarse("sphere"), **options, launch_rays=10**9)
     for launch_rays, per_item in [(None, 2**18), (50_000, 256), (5000, 512), (200_000, 768), (10**9, 1024)]:
-        monkeypatch.setattr(tracer_module.SequentialTask, "max_rays_per_item", per_item)  # whole blocks: multiples of 256
+        monkeypatch.setattr(tracer_module.SequentialTask, "max_rays_per_item", per_item)  # in 256s
         parts = trace(coarse("sphere"), **options, launch_rays=launch_rays)
         np.testing.assert_array_equal(parts.counts, whole.counts)
         assert parts.ledger == whole.ledger

@@ -1,7 +1,9 @@
 """The package's public names: complete, lazy, and functions where a module has the same name."""
 
+import ast
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -19,6 +21,24 @@ def run_python(code: str) -> str:
 def test_every_public_name_resolves(name):
     assert name in dir(irt)
     assert getattr(irt, name) is getattr(irt, name)
+
+
+def test_type_checkers_see_the_public_names():
+    """Each from the module that __getattr__ takes it from, and no other."""
+    tree = ast.parse(Path(irt.__file__).read_text(encoding="utf-8"))
+    (block,) = (node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+    imported, aliases, declared = {}, {}, set()
+    for node in block.body:
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                assert alias.asname == alias.name, "a name that is not repeated is not exported"
+                imported[alias.name] = node.module.removeprefix("irtscots_cl.")
+        elif isinstance(node, ast.Assign):
+            aliases[node.targets[0].id] = node.value.id
+        else:
+            declared.add(node.target.id)
+    assert (imported, aliases, declared) == (irt._PUBLIC, irt._ALIASES, {"__version__"})
+    assert (Path(irt.__file__).parent / "py.typed").exists()
 
 
 def test_unknown_name_is_an_attribute_error():

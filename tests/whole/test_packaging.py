@@ -66,7 +66,7 @@ def relative_files(folder: Path, pattern: str) -> set[str]:
 def test_wheel_holds_the_package_the_kernels_and_the_scenes(wheel):
     package = {name for name in relative_files(ROOT / "irtscots_cl", "*.*") if "__pycache__" not in name}
     kernels = {f"irtscots_cl/{name}" for name in relative_files(ROOT / "kernels", "*.cl")}
-    assert {"irtscots_cl/__init__.py", "irtscots_cl/scene/preset_scenes/sphere.toml"} <= package
+    assert {"irtscots_cl/__init__.py", "irtscots_cl/py.typed", "irtscots_cl/scene/preset_scenes/sphere.toml"} <= package
     assert "irtscots_cl/kernels/entry/trace_adjoint.cl" in kernels
     files = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
     assert files >= package | kernels

@@ -76,7 +76,8 @@ def _fit(x: Values, y: Values, p: Values, q: Values) -> Values:
         if lever <= _LEVER * diagonal and unseen <= 100 * _RANK * np.linalg.norm(height):
             break
     coefficients = right[seen].T @ ((left.T @ projected[:, :count].T)[seen] / slope[seen][:, None])
-    return sum(c[:, None] * zernike(j, u, v) for j, c in enumerate(coefficients, start=2))
+    fitted: Values = sum(c[:, None] * zernike(j, u, v) for j, c in enumerate(coefficients, start=2))
+    return fitted
 
 
 def _count(order: int) -> int:
@@ -96,8 +97,10 @@ def _triangles(
     for start in range(0, u.size, _BLOCK):
         part = slice(start, start + _BLOCK)
         terms = [zernike(j, u[part], v[part]) for j in range(1, count + 2)]
-        heights = np.linalg.qr(np.concatenate([heights, np.transpose(terms)]), mode="r")
-        along_x, along_y = np.moveaxis([zernike_gradient(j, u[part], v[part]) for j in range(2, count + 2)], 0, -1)
+        rows = np.concatenate([heights, np.transpose(terms)])
+        heights = np.linalg.qr(rows, mode="r")  # type: ignore[assignment]  # NumPy's types leave R alone out
+        gradients = np.array([zernike_gradient(j, u[part], v[part]) for j in range(2, count + 2)])
+        along_x, along_y = np.moveaxis(gradients, 0, -1)
         rows = np.concatenate([slopes, along_x / half_x, along_y / half_y])
         projected, slopes = qr_multiply(rows, np.concatenate([projected, p[:, part], q[:, part]], axis=1))
     return slopes, heights[1:, 1:], projected

@@ -91,7 +91,7 @@ class NodeGraph:
         """``nodes`` [maps, nodes] minus the mean of their island."""
         count = self.islands.size
         members = sparse.csr_array((np.ones(count), (self.islands, np.arange(count))))
-        means = (members @ nodes.T) / np.bincount(self.islands)[:, None]
+        means: NDArray[np.float64] = (members @ nodes.T) / np.bincount(self.islands)[:, None]
         return nodes - means[self.islands].T
 
     @cached_property
@@ -172,6 +172,7 @@ def _rectangle_solver(mask: NDArray[np.bool_]) -> Callable[[NDArray[np.float64]]
         rectangle[row, column] = nodes
         waves = dctn(rectangle, overwrite_x=True)
         waves /= eigenvalues
-        return idctn(waves, overwrite_x=True)[row, column]
+        solved: NDArray[np.float64] = idctn(waves, overwrite_x=True)[row, column]
+        return solved
 
     return solve

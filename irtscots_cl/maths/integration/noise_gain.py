@@ -35,10 +35,11 @@ def noise_gain(
     if draws < 2:
         raise ValueError(f"draws = {draws}: must be at least 2, for a standard error")
     x_mm, y_mm, mask = np.asarray(x_mm), np.asarray(y_mm), np.asarray(mask)
-    random, squares = np.random.default_rng(seed), []
+    random = np.random.default_rng(seed)
+    squares: list[float] = []
     while len(squares) < draws:
-        slopes = random.standard_normal((2, min(_AT_ONCE, draws - len(squares)), *mask.shape))
-        for height in integrate_slopes(x_mm, y_mm, *slopes, mask, method):
+        slope_x, slope_y = random.standard_normal((2, min(_AT_ONCE, draws - len(squares)), *mask.shape))
+        for height in integrate_slopes(x_mm, y_mm, slope_x, slope_y, mask, method):
             squares.append(rms(remove_terms(x_mm, y_mm, height, mask, "piston_tilt"), mask) ** 2)
     gain = np.sqrt(np.mean(squares))  # mm per rad is nm per urad
     return NoiseGain(float(gain), float(np.std(squares, ddof=1) / np.sqrt(draws) / (2 * gain)))

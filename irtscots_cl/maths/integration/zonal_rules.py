@@ -33,7 +33,8 @@ Numbers = NDArray[np.intp]
 def southwell_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -> Values:
     """Rises [maps, pairs] along straight lines with linear slopes."""
     i, j = graph.pairs
-    return 0.5 * ((p[:, i] + p[:, j]) * (x[j] - x[i]) + (q[:, i] + q[:, j]) * (y[j] - y[i]))
+    rises: Values = 0.5 * ((p[:, i] + p[:, j]) * (x[j] - x[i]) + (q[:, i] + q[:, j]) * (y[j] - y[i]))
+    return rises
 
 
 def cubic_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -> Values:
@@ -72,7 +73,7 @@ def spline_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -
 def _distances(graph: NodeGraph, x: Values, y: Values) -> Values:
     """Distances [pairs] between the nodes of each pair; ValueError if one is 0."""
     i, j = graph.pairs
-    distance = np.hypot(x[j] - x[i], y[j] - y[i])
+    distance: Values = np.hypot(x[j] - x[i], y[j] - y[i])
     at_one_place = distance.size - np.count_nonzero(distance)
     if at_one_place:
         raise ValueError(
@@ -84,14 +85,18 @@ def _distances(graph: NodeGraph, x: Values, y: Values) -> Values:
 
 def _stencils(graph: NodeGraph) -> list[tuple[Numbers, Numbers, Numbers]]:
     """For each stencil size: its pairs [n], their stencils [n, size], and the place of a pair's first node [n]."""
-    parts, start = defaultdict(list), 0
+    parts: defaultdict[int, list[tuple[Numbers, Numbers, Numbers]]] = defaultdict(list)
+    start = 0
     for chain in graph.chains:
         size, count = min(chain.size, _STENCIL), chain.size - 1
         first = np.clip(np.arange(count) - (_STENCIL - 2) // 2, 0, chain.size - size)
         nodes = chain[first[:, None] + np.arange(size)]
         parts[size].append((np.arange(start, start + count), nodes, np.arange(count) - first))
         start += count
-    return [tuple(np.concatenate(arrays) for arrays in zip(*of_size, strict=True)) for of_size in parts.values()]
+    return [
+        (np.concatenate(pairs), np.concatenate(nodes), np.concatenate(place))
+        for pairs, nodes, place in (zip(*of_size, strict=True) for of_size in parts.values())
+    ]
 
 
 def _stencil_weights(x: Values, y: Values, place: Numbers) -> tuple[Values, Values]:
@@ -108,4 +113,5 @@ def _stencil_weights(x: Values, y: Values, place: Numbers) -> tuple[Values, Valu
 def _moments(path: Values) -> Values:
     """Integrals over t from 0 to 1 of t^j dx, [..., j], for x of the coefficients ``path`` [..., power]."""
     j, k = np.indices(2 * path.shape[-1:])
-    return path @ (k / np.maximum(j + k, 1)).T
+    moments: Values = path @ (k / np.maximum(j + k, 1)).T
+    return moments

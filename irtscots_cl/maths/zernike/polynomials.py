@@ -45,7 +45,7 @@ def zernike(j: int, x: ArrayLike, y: ArrayLike, ordering: str = "noll") -> NDArr
     n, m = index_to_nm(j, ordering)
     x, y = broadcast_points(x, y)
     radial, _ = _jacobi((n - abs(m)) // 2, abs(m), 2.0 * (x * x + y * y) - 1.0)
-    power = (x + 1j * y) ** abs(m)
+    power: NDArray[np.complex128] = (x + 1j * y) ** abs(m)
     return normalisation(n, m) * radial * (power.real if m >= 0 else power.imag)
 
 
@@ -102,6 +102,7 @@ def zernike_fit(
         raise ValueError(f"{len(indices)} Zernike terms cannot be fitted to {count} samples")
     terms = [zernike(j, x[usable], y[usable], ordering) for j in indices]
     root = np.sqrt(weights[usable])
+    solution: NDArray[np.float64]
     solution, _, rank, _ = np.linalg.lstsq(np.stack(terms, axis=1) * root[:, None], values[usable] * root)
     if rank < len(indices):
         raise ValueError(f"the samples tell only {rank} of the {len(indices)} Zernike terms apart")
@@ -109,7 +110,8 @@ def zernike_fit(
 
 
 def broadcast_points(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    return np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+    on_x, on_y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+    return on_x, on_y
 
 
 def recurrence(k: int, m: int) -> tuple[float, float, float]:

@@ -106,8 +106,8 @@ def power_rows(series: RadialSeries) -> PowerRows:
             rows.append((m, sine, len(powers)))
             coefficients.append(powers[::-1])
             loss = max(loss, float(np.abs(powers).sum() / np.abs(part).sum()))
-    order, sine, count = np.array(rows, np.int32).reshape(-1, 3).T
-    return PowerRows(order, sine, count, np.concatenate([np.zeros(0), *coefficients]), loss)
+    orders, sines, counts = np.array(rows, np.int32).reshape(-1, 3).T
+    return PowerRows(orders, sines, counts, np.concatenate([np.zeros(0), *coefficients]), loss)
 
 
 def evaluate_series(

@@ -11,8 +11,10 @@ from __future__ import annotations
 import abc
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import exprel, hyp2f1
 
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.scene.validation import problem
 
 OBLIQUE_NODES = 1024  # only rounding errors remain, even for the steepest lobe at grazing incidence
@@ -26,29 +28,32 @@ GAUSS_NODES = (np.array([0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5]), np.array([5, 8
 class ScatterModel(abc.ABC):
     """A lobe, BSDF = _scale * _profile(d), with the methods that all models share."""
 
-    _scale: float
+    @property
+    @abc.abstractmethod
+    def _scale(self) -> float:
+        """The BSDF's scale [1/sr]."""
 
     @abc.abstractmethod
-    def _profile(self, d: np.ndarray) -> np.ndarray:
+    def _profile(self, d: FloatArray) -> FloatArray:
         """The BSDF's shape, without its scale, at distances d of any shape."""
 
     @abc.abstractmethod
-    def _area(self, x: np.ndarray) -> np.ndarray:
+    def _area(self, x: FloatArray) -> FloatArray:
         """2 pi times the integral of _profile(d) d from 0 to x."""
 
     @abc.abstractmethod
-    def _distance(self, area: np.ndarray) -> np.ndarray:
+    def _distance(self, area: FloatArray) -> FloatArray:
         """The x whose _area is `area`, for values from 0 to _area(2); rounding may make `area` slightly larger."""
 
-    def bsdf(self, d) -> np.ndarray:
+    def bsdf(self, d: ArrayLike) -> FloatArray:
         """BSDF [1/sr] at distances d [...] from the specular direction."""
         return self._scale * self._profile(np.asarray(d, float))
 
-    def lobe(self, x) -> np.ndarray:
+    def lobe(self, x: ArrayLike) -> FloatArray:
         """Integral of the BSDF over d < x [...], including the part below the horizon."""
         return self._scale * self._area(np.asarray(x, float))
 
-    def tis_at(self, sin0=0.0) -> np.ndarray:
+    def tis_at(self, sin0: ArrayLike = 0.0) -> FloatArray:
         """Total integrated scatter [...]: the fraction into the hemisphere when |beta0| = sin0 [...], 0 to 1.
 
         In polar coordinates about beta0 it is the mean over the azimuth of lobe(D), where D = -sin0 cos(azimuth) +
@@ -67,7 +72,7 @@ class ScatterModel(abc.ABC):
         oblique = np.mean(weight * self.lobe(cos0 * np.exp(-w)), -1)
         return np.where(sin0 == 0, self.lobe(1.0), oblique)[()]
 
-    def sample(self, u, beta0) -> tuple[np.ndarray, np.ndarray]:
+    def sample(self, u: ArrayLike, beta0: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Directions beta [..., 2] drawn from the lobe about beta0 [..., 2] by u [..., 2], uniform in (0, 1).
 
         Returns the directions, and whether each lies above the horizon [...]. u[..., 0] is the share of
@@ -80,7 +85,7 @@ class ScatterModel(abc.ABC):
         beta = beta0 + np.stack([d * np.cos(azimuth), d * np.sin(azimuth)], -1)
         return beta, np.hypot(beta[..., 0], beta[..., 1]) <= 1
 
-    def pdf(self, beta, beta0) -> np.ndarray:
+    def pdf(self, beta: ArrayLike, beta0: ArrayLike) -> FloatArray:
         """Density [...] per d^2 beta of sample's outcomes, at beta [..., 2] of at most 1 + |beta0| from beta0."""
         beta, beta0 = np.asarray(beta, float), np.asarray(beta0, float)
         away = beta - beta0
@@ -88,7 +93,7 @@ class ScatterModel(abc.ABC):
         return self._profile(np.hypot(away[..., 0], away[..., 1])) / self._area(farthest)
 
 
-def mean_profile(c: float, z: np.ndarray) -> np.ndarray:
+def mean_profile(c: float, z: FloatArray) -> FloatArray:
     """2F1(1, c; 1 + c; -z) for c > 0, z >= 0: the mean of 1 / (1 + z s) over s in (0, 1) with the density c s^(c - 1).
 
     Up to z = 4, Pfaff's transformation (DLMF 15.8.1) gives a series of positive terms. Beyond it, the integral over
@@ -103,10 +108,11 @@ def mean_profile(c: float, z: np.ndarray) -> np.ndarray:
         q = c - 1 - n  # the integral of y^(q - 1) from 4 to z, divided by z^c, in a form that does not overflow
         term = far ** (-1.0 - n) * exprel(-q * rise) if q > 0 else far**-c * 4.0**q * exprel(q * rise)
         outer += term if n % 2 == 0 else -term
-    return np.exp(-c * rise) * inner + c * rise * outer
+    mean: FloatArray = np.exp(-c * rise) * inner + c * rise * outer
+    return mean
 
 
-def check_all(source: str, key: str, value: np.ndarray, allowed: np.ndarray, text: str) -> None:
+def check_all(source: str, key: str, value: FloatArray, allowed: BoolArray, text: str) -> None:
     """Raise SceneError for the first value where `allowed`, of the same shape, is false."""
     if not np.all(allowed):
         raise problem(source, (key,), f"must be {text}", float(value[~allowed][0]))

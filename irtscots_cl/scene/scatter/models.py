@@ -10,9 +10,11 @@ import math
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field, Strict, model_validator
 from scipy.special import exprel
 
+from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.scatter.lobe import (
     GAUSS_NODES,
     MIN_SHARE,
@@ -46,13 +48,13 @@ class Lambertian(ScatterModel):
     def _scale(self) -> float:
         return self.tis / math.pi
 
-    def _profile(self, d: np.ndarray) -> np.ndarray:
+    def _profile(self, d: FloatArray) -> FloatArray:
         return np.ones_like(d)
 
-    def _area(self, x: np.ndarray) -> np.ndarray:
+    def _area(self, x: FloatArray) -> FloatArray:
         return np.pi * x * x
 
-    def _distance(self, area: np.ndarray) -> np.ndarray:
+    def _distance(self, area: FloatArray) -> FloatArray:
         return np.sqrt(area / np.pi)
 
 
@@ -91,20 +93,25 @@ class Harvey(ScatterModel):
     def _scale(self) -> float:
         if self.b0 is not None:
             return self.b0
-        rough = self.tis is None
-        total = tis_of_roughness(self.roughness_nm, self.wavelength_nm, exact=True) if rough else self.tis
-        return float(total / self._area(np.float64(1.0)))
+        if self.tis is not None:
+            total = self.tis
+        else:
+            assert self.roughness_nm is not None and self.wavelength_nm is not None  # _check has seen to it
+            total = float(tis_of_roughness(self.roughness_nm, self.wavelength_nm, exact=True))
+        area = self._area(np.float64(1.0))  # type: ignore[arg-type]  # a scalar stands for an array
+        return float(total / area)
 
-    def _profile(self, d: np.ndarray) -> np.ndarray:
+    def _profile(self, d: FloatArray) -> FloatArray:
         return np.exp(self.s / 2 * np.log1p((d / self.l) ** 2))
 
     # With v = log(1 + (x / l)^2) and p = s / 2 + 1 the integral is pi l^2 (exp(p v) - 1) / p, at p = 0 pi l^2 v.
 
-    def _area(self, x: np.ndarray) -> np.ndarray:
+    def _area(self, x: FloatArray) -> FloatArray:
         v = np.log1p((x / self.l) ** 2)
-        return np.pi * self.l**2 * v * exprel((self.s / 2 + 1) * v)
+        area: FloatArray = np.pi * self.l**2 * v * exprel((self.s / 2 + 1) * v)
+        return area
 
-    def _distance(self, area: np.ndarray) -> np.ndarray:
+    def _distance(self, area: FloatArray) -> FloatArray:
         q = area / (np.pi * self.l**2)
         z = np.maximum((self.s / 2 + 1) * q, -1.0)  # -1 is the limit of a steep lobe
         with np.errstate(divide="ignore"):
@@ -129,24 +136,24 @@ class ABg(ScatterModel):
     def _scale(self) -> float:
         return self.a / self.b
 
-    def _profile(self, d: np.ndarray) -> np.ndarray:
+    def _profile(self, d: FloatArray) -> FloatArray:
         return 1 / (1 + d**self.g / self.b)
 
-    def _area(self, x: np.ndarray) -> np.ndarray:
+    def _area(self, x: FloatArray) -> FloatArray:
         return np.pi * x * x * mean_profile(2 / max(self.g, 1e-100), x**self.g / self.b)
 
-    def _ring(self, log_d: np.ndarray) -> np.ndarray:
+    def _ring(self, log_d: FloatArray) -> FloatArray:
         """Derivative of _area by log(d)."""
         return 2 * np.pi * np.exp(2 * log_d) / (1 + np.exp(self.g * log_d) / self.b)
 
     @functools.cached_property
-    def _table(self) -> tuple[np.ndarray, np.ndarray]:
+    def _table(self) -> tuple[FloatArray, FloatArray]:
         """Logarithms of d, equally spaced up to 2, and _area there."""
-        least = MIN_SHARE * self._area(np.float64(2.0))  # _area is at most pi d^2
+        least = MIN_SHARE * self._area(np.float64(2.0))  # type: ignore[arg-type]  # a scalar; _area is at most pi d^2
         log_d = np.linspace(0.5 * np.log(least / np.pi), np.log(2.0), TABLE_NODES)
         return log_d, np.maximum.accumulate(self._area(np.exp(log_d)))  # removes rounding errors where it hardly rises
 
-    def _distance(self, area: np.ndarray) -> np.ndarray:
+    def _distance(self, area: FloatArray) -> FloatArray:
         """By Newton steps within a cell of the table, in log(d): _ring hardly changes there.
 
         Where the lobe is complete within rounding, d is accurate to one cell only.
@@ -158,7 +165,8 @@ class ABg(ScatterModel):
         for _ in range(NEWTON_STEPS):
             found = step * sum(w * self._ring(start + x * step) for x, w in zip(*GAUSS_NODES, strict=True))
             step = np.clip(step + (rest - found) / self._ring(start + step), 0.0, size)
-        return np.exp(start + step)
+        distance: FloatArray = np.exp(start + step)
+        return distance
 
 
 def _check_total(model: ScatterModel, key: str, value: float) -> None:
@@ -168,7 +176,9 @@ def _check_total(model: ScatterModel, key: str, value: float) -> None:
         refuse((key,), value, f"be at most {value / total:.10g}, where the total integrated scatter reaches 1")
 
 
-def tis_of_roughness(sigma_nm, wavelength_nm, cosine=1.0, exact: bool = False) -> np.ndarray:
+def tis_of_roughness(
+    sigma_nm: ArrayLike, wavelength_nm: ArrayLike, cosine: ArrayLike = 1.0, exact: bool = False
+) -> FloatArray:
     """Total integrated scatter [...] of a mirror with rms roughness Rq = sigma_nm; cosine: of the angle of incidence.
 
     It is g = (4 pi sigma cosine / wavelength)^2 for roughness far below the wavelength: H. Davies, Proc. IEE 101 (1954)
@@ -179,5 +189,5 @@ def tis_of_roughness(sigma_nm, wavelength_nm, cosine=1.0, exact: bool = False) -
     check_all("tis_of_roughness", "sigma_nm", sigma, (sigma >= 0) & (sigma < np.inf), "a finite number at least 0")
     check_all("tis_of_roughness", "wavelength_nm", wavelength, wavelength > 0, "above 0")
     check_all("tis_of_roughness", "cosine", cosine, (cosine >= 0) & (cosine <= 1), "0 to 1")
-    square = (4 * np.pi * sigma * cosine / wavelength) ** 2
+    square: FloatArray = (4 * np.pi * sigma * cosine / wavelength) ** 2
     return -np.expm1(-square) if exact else square

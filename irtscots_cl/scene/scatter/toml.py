@@ -34,7 +34,8 @@ def scatter_from_table(table: dict[str, Any], source: str, steps: tuple[Any, ...
     if not isinstance(name, str) or name not in MODELS:
         raise problem(source, (*steps, "model"), f"unknown model; {nearest(shown_word(name), MODELS)}", name)
     kind = MODELS[name]
+    adapter: TypeAdapter[ScatterModel] = _adapter(kind)
     try:
-        return _adapter(kind).validate_python({key: value for key, value in table.items() if key != "model"})
+        return adapter.validate_python({key: value for key, value in table.items() if key != "model"})
     except ValidationError as error:
         raise translate(error, kind, source, steps) from None

@@ -1,0 +1,226 @@
+"""The keys of report.json and of what `irtscots paths` tells, and what stands under each."""
+
+from typing import NotRequired, TypedDict
+
+
+class DeviceFacts(TypedDict):
+    """Where it was traced. devices: each of many. workers: of a Dask cluster, by address."""
+
+    index: str
+    name: str
+    platform: str
+    driver: str
+    kind: str
+    compute_units: int
+    devices: NotRequired[list["DeviceFacts"]]
+    workers: NotRequired[dict[str, "WorkerFacts"]]
+
+
+class WorkerFacts(TypedDict):
+    """What one worker of a Dask cluster traced, and on which device."""
+
+    rays: int
+    tasks: int
+    seconds: float
+    kernels: float
+    device: DeviceFacts
+
+
+class TraceSeconds(TypedDict):
+    """kernels: the part of trace that kernels ran."""
+
+    build: float
+    trace: float
+    kernels: float
+
+
+class Seconds(TraceSeconds):
+    """Of a run: total has all in it."""
+
+    reconstruct: float
+    total: float
+
+
+class Ledger(TypedDict):
+    """Rays by fate; all but "launched" add up to it."""
+
+    launched: int
+    missed_mirror: int
+    off_detector: int
+    clipped: int
+    absorbed: int
+    off_screen: int
+    detected: int
+    failed: int
+
+
+class AlongAxes(TypedDict):
+    """A number along the screen's x and along its y."""
+
+    x: float
+    y: float
+
+
+class HeightErrors(TypedDict):
+    """By what was removed before: rms [nm], or its standard error."""
+
+    piston: float
+    piston_tilt: float
+    piston_tilt_power: float
+
+
+class Refused(TypedDict):
+    """Pixels on the mirror whose light curves were refused, by the reason."""
+
+    empty: int
+    clipped: int
+    stray: int
+    saturated: int
+
+
+class Predicted(TypedDict):
+    """The error that the images and the design let expect."""
+
+    slope_error_urad_rms: AlongAxes
+    slope_ray_noise_urad_rms: AlongAxes
+    slope_line_sampling_urad_rms: AlongAxes
+    height_error_nm_rms_piston_tilt: float
+    height_ray_noise_nm_rms: float
+    height_line_sampling_nm_rms: float
+
+
+class ErrorPart(TypedDict):
+    """One part of the height error."""
+
+    part: str
+    slope_urad_rms: AlongAxes
+    height_nm_rms: float
+
+
+class ZernikeFacts(TypedDict):
+    """A Noll coefficient of the deviation: the scene's and the measured one."""
+
+    noll: int
+    input_um: float
+    output_um: float
+    standard_error_um: float
+
+
+class SettingFacts(TypedDict):
+    """A way to trace and to measure, and what was predicted of it."""
+
+    estimator: str
+    sampler: str
+    precision: str
+    smoothing: bool
+    measure: str
+    rays_per_pixel: int
+    height_nm: float
+    floor_nm: float
+    seconds: float
+
+
+class Target(TypedDict):
+    """What was wanted, predicted and reached by a run with --target-nm."""
+
+    target_nm: float
+    reached_nm: float
+    met: bool
+    attempts: int
+    predicted: SettingFacts
+
+
+class Report(TypedDict):
+    """report.json. Numbers that do not exist are NaN here and null in the file."""
+
+    scene: str
+    device: DeviceFacts
+    estimator: str
+    sampler: str
+    precision: str
+    seed: int
+    aim: str
+    overfill: float
+    smoothing: bool
+    measure: str
+    refinement_updates_nm: list[float]
+    replicates: int
+    versions: dict[str, str]
+    rays_total: int
+    rays_per_pixel: int
+    rays_per_second: float
+    seconds: Seconds
+    ledger: Ledger
+    pixels_used: int
+    light_curves_refused: Refused
+    slope_error_urad_rms: AlongAxes
+    slope_error_urad_rms_standard_error: AlongAxes
+    height_error_nm_rms: HeightErrors
+    height_error_nm_rms_standard_error: HeightErrors
+    height_standard_error_nm: float
+    predicted: Predicted
+    error_parts: list[ErrorPart]
+    zernike: list[ZernikeFacts]
+    target: NotRequired[Target]
+
+
+class Staying(TypedDict):
+    """Light that stays in the test, by where its rays end."""
+
+    end: str
+    flux_w: float
+    flux_standard_error_w: float
+
+
+class StrayFacts(TypedDict):
+    """One kind of stray light, and what it adds to the height."""
+
+    kind: str
+    of_direct: float
+    height_nm_rms: float
+    height_nm_rms_standard_error: float
+    lost_pixels: int
+
+
+class PathRow(TypedDict):
+    """One path of light from the screen to the detector."""
+
+    path: str
+    kind: str
+    flux_w: float
+    flux_standard_error_w: float
+    of_direct: float
+    rays: int
+    focus_mm: float
+    blur_mm: float
+
+
+class PathReport(TypedDict):
+    """What `irtscots paths` tells of a non-sequential trace. ends: rays by where they ended."""
+
+    scene: str
+    device: DeviceFacts
+    sampler: str
+    precision: str
+    seed: int
+    replicates: int
+    rays_total: int
+    seconds: TraceSeconds
+    rays_per_second: float
+    ends: dict[str, int]
+    launched_w: float
+    direct_w: float
+    staying: list[Staying]
+    stray_light: list[StrayFacts]
+    paths: list[PathRow]
+
+
+class MeasuredFacts(TypedDict):
+    """What `irtscots reconstruct` tells of a lab's images, named as in report.json."""
+
+    scene: str
+    measure: str
+    refinement_updates_nm: list[float]
+    pixels_used: int
+    light_curves_refused: Refused
+    deviation_nm_rms: HeightErrors
