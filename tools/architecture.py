@@ -114,8 +114,8 @@ def counts(graph: dict[str, set[str]], level: dict[str, int]) -> str:
         raise SystemExit(f"a folder imports from one below it: {upward}")
     return (
         f"{len(graph)} folders, {modules} modules, {max(level.values())} levels, {arrows} arrows between folders.\n"
-        f"The drawing has {len(direct(graph))} of the arrows; the others follow from them. Circles: none. Arrows from a "
-        "folder to one below\nit in the table: none."
+        f"The drawing has {len(direct(graph))} of the arrows; the others follow from them. Circles: none. Arrows from "
+        "a folder to one below\nit in the table: none."
     )
 
 
