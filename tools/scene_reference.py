@@ -1,0 +1,259 @@
+"""Writes the key tables of docs/scene.md from the checked models in irtscots_cl/scene/.
+
+Keys, ranges, defaults and the rules that join several keys are the models' own: the field descriptions and the texts of
+their refusals. The meanings are in MEANINGS below; a key without a meaning, or a meaning without a key, is an error.
+Usage: tools/scene_reference.py [--check]
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import itertools
+import re
+import sys
+import textwrap
+
+from _generated import main
+
+from irtscots_cl.scene.element import ALLOWS, KINDS, NEEDS, Element
+from irtscots_cl.scene.instrument import Camera, Detector, Screen
+from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
+from irtscots_cl.scene.model import ZERNIKE_KEYS, Scene
+from irtscots_cl.scene.presets import preset_names, preset_text
+from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
+
+# Each table of a scene file: its heading, its model, one sentence, and the meaning of each key.
+MEANINGS = (
+    ("Top level", Scene, "", {
+        "name": "names the output folder",
+        "mirror": "the mirror under test",
+        "screen": "the light source",
+        "camera": "aperture, lens and detector",
+        "element": "surfaces that only `--estimator nonsequential` and `irtscots paths` use",
+    }),
+    ("[mirror]", Mirror, "A concave conic of revolution, or an off-axis segment of one, with a round rim.", {
+        "radius_mm": "radius of curvature at the vertex (of the parent)",
+        "diameter_mm": "of the rim, about the origin",
+        "conic": "conic constant: 0 sphere, -1 paraboloid",
+        "off_axis_mm": "from the parent's axis to the segment's centre",
+        "obscuration_mm": "diameter of a central hole",
+        "reflectance": "reflected part of the light",
+        "zernike": "deviation along z; several tables add up",
+        "scatter": "light that the mirror scatters, for the non-sequential estimator",
+    }),
+    ("[[mirror.zernike]]", ZernikeTerms, "Zernike terms of the deviation. Whatever the numbering, terms are normalised "
+     "as by Noll: a coefficient is an rms over the disk.", {
+        "radius_mm": "of the disk on which the terms are defined",
+        "coefficients_um": "coefficients in µm by index; Noll's, fringe (University of Arizona) or OSA/ANSI numbering",
+    }),
+    ("[screen]", Screen, "A plane Lambertian screen.", {
+        "position_mm": "centre of the screen",
+        "pixels": "number of pixels",
+        "pitch_mm": "of the square pixels, and of the lines",
+        "look_at_mm": "a point that the screen faces",
+        "radiance": "of a lit pixel",
+        "emission": "angular distribution",
+        "centre_offset_mm": "shift of the pixel grid in the screen's own x, y",
+    }),
+    ("[camera]", Camera, "An aperture with a paraxial lens in it, and a detector.", {
+        "position_mm": "centre of the aperture",
+        "aperture_diameter_mm": "of the round aperture",
+        "focal_length_mm": "of the paraxial lens; with `lens = \"elements\"` that of the elements, for the chief rays",
+        "detector": "the detector",
+        "look_at_mm": "a point on the optical axis",
+        "focus_distance_mm": "distance in focus; without it, the distance to `look_at_mm`",
+        "transmittance": "of the lens",
+        "lens": "`paraxial`: in the aperture; `elements`: no lens there, the scene's elements are the lens",
+        "detector_distance_mm": "from the aperture to the detector; without it, where a paraxial lens images",
+    }),
+    ("[camera.detector]", Detector, "A grid of square pixels.", {
+        "pixels": "number of pixels",
+        "pitch_mm": "of the pixels",
+    }),
+    ("[[element]]", Element, "A surface with its effect on light: `mirror` reflects in front and is black behind, "
+     "`refractor` is an interface of two media, `lens` is paraxial, `absorber` is black, `detector` is black and "
+     "counts the light that it absorbs.", {
+        "name": "names it in paths; each once",
+        "kind": "what it does",
+        "position_mm": "its vertex",
+        "facing_mm": "a point that its front (+z) faces",
+        "radius_mm": "of curvature; above 0: the centre lies on the front; without it, a plane",
+        "conic": "conic constant of a curved one",
+        "off_axis_mm": "as of the mirror",
+        "diameter_mm": "of a round aperture",
+        "obscuration_mm": "diameter of a hole",
+        "size_mm": "of a rectangular aperture",
+        "reflectance": "of a mirror (without it 1), or of a refractor's coating (without it Fresnel's)",
+        "index_front": "refractive index in front",
+        "index_back": "refractive index behind",
+        "focal_length_mm": "of a paraxial lens",
+        "transmittance": "of a paraxial lens",
+        "coating_index": "of a refractor: one layer of that index, a quarter of a wavelength thick",
+        "scatter": "of mirrors and refractors about the outgoing direction, of absorbers about a mirror's",
+        "important": "scattered rays are also aimed at this element",
+    }),
+    ('[mirror.scatter], [element.scatter] with model = "lambertian"', Lambertian, "BSDF = tis / π.", {
+        "tis": "total integrated scatter",
+    }),
+    ('... with model = "harvey"', Harvey, "BSDF = b0 (1 + (d / l)²)^(s / 2), with d the distance in direction cosines "
+     "from the specular direction.", {
+        "l": "shoulder, in direction cosines",
+        "s": "slope",
+        "b0": "BSDF in the specular direction",
+        "tis": "total integrated scatter at normal incidence",
+        "roughness_nm": "rms roughness of a mirror (Davies; Bennett and Porteus)",
+        "wavelength_nm": "wavelength for the roughness",
+    }),
+    ('... with model = "abg"', ABg, "BSDF = a / (b + d^g).", {
+        "a": "scale",
+        "b": "knee: at d = b^(1/g)",
+        "g": "exponent of the decay",
+    }),
+)  # fmt: skip
+HIDDEN = {ZernikeTerms: {"ordering"}}  # in a file the key of the coefficients states it
+UNITS = {"mm": "mm", "um": "µm", "nm": "nm", "radiance": "W/(mm² sr)", "b0": "1/sr"}  # by the end of a key
+FILE_KEYS = {"coefficients_um": " or ".join(f"`{key}`" for key in ZERNIKE_KEYS)}
+
+
+def reference() -> str:
+    """The tables of all models."""
+    parts = [presets()]
+    for heading, model, sentence, meanings in MEANINGS:
+        fields = {key: field for key, field in model.__pydantic_fields__.items() if key not in HIDDEN.get(model, ())}
+        if wrong := set(fields) ^ set(meanings):
+            raise SystemExit(f"MEANINGS of {model.__name__}: wrong or missing keys {sorted(wrong)}")
+        lines = [f"## {heading}", "", *([textwrap.fill(sentence, 118), ""] if sentence else [])]
+        lines += ["| key | unit | allowed | default | meaning |", "|---|---|---|---|---|"]
+        for key, field in fields.items():
+            unit = UNITS.get(key.rsplit("_", 1)[-1], "")
+            cells = (FILE_KEYS.get(key, f"`{key}`"), unit, field.description, default_of(field), meanings[key])
+            lines.append("| " + " | ".join(cells) + " |")
+        lines += ["", kinds()] if model is Element else []
+        rules = rules_of(model)
+        lines += ["", "Further rules:", "", *(f"- {rule}" for rule in rules)] if rules else []
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts)
+
+
+def presets() -> str:
+    """The preset scenes, each with the first sentence of its file."""
+    lines = ["## Presets", "", "| name | scene |", "|---|---|"]
+    for name in preset_names():
+        comment = itertools.takewhile(lambda line: line.startswith("#"), preset_text(name).splitlines())
+        words = " ".join(line.removeprefix("#").strip() for line in comment)
+        lines.append(f"| `{name}` | {re.split(r'(?<=[.]) ', words)[0]} |")
+    return "\n".join(lines)
+
+
+def kinds() -> str:
+    """Which keys an element of each kind needs and takes."""
+    lines = ["| kind | needs | may have |", "|---|---|---|"]
+    for kind in KINDS:
+        needs = NEEDS.get(kind, ())
+        cells = (needs, [key for key in ALLOWS[kind] if key not in needs])
+        lines.append(f"| `{kind}` | " + " | ".join(", ".join(f"`{key}`" for key in keys) for keys in cells) + " |")
+    return "\n".join(lines)
+
+
+def default_of(field) -> str:
+    if field.is_required():
+        return "required"
+    value = field.default
+    if value is None or value == ():
+        return "none"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, tuple):
+        return "[" + ", ".join(f"{v:g}" for v in value) + "]"
+    return f"{value:g}" if isinstance(value, float) else f'`"{value}"`'
+
+
+def rules_of(model) -> list[str]:
+    """The refusals of a model that no field's range states, from its source: `key`: must ...; in order, each once."""
+    names = vars(importlib.import_module(model.__module__))
+    own = ast.parse(textwrap.dedent(inspect.getsource(model)))
+    rules = rules_in(own, names)
+    for call in (node for node in ast.walk(own) if isinstance(node, ast.Call)):
+        helper = names.get(ast.unparse(call.func))
+        if inspect.isfunction(helper) and helper.__name__.startswith("_check"):
+            bound = dict(zip(inspect.signature(helper).parameters, call.args, strict=True))
+            known = {name: value.value for name, value in bound.items() if isinstance(value, ast.Constant)}
+            known |= {name: names[v.id] for name, v in bound.items() if isinstance(v, ast.Name) and v.id in names}
+            rules += rules_in(ast.parse(textwrap.dedent(inspect.getsource(helper))), names | known)
+    # What an element's kind needs or takes has a table of its own; a module's name is no key of a file.
+    return [r for r in dict.fromkeys(rules) if "for kind" not in r and "irtscots_cl." not in r]
+
+
+def rules_in(tree: ast.AST, names: dict) -> list[str]:
+    """Those of the functions in a source, each read by itself."""
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    return [rule for function in functions for rule in rules_of_function(function, names)]
+
+
+def rules_of_function(tree: ast.FunctionDef, names: dict) -> list[str]:
+    rules, must = [], []  # must: the text that the variable of that name holds at this line
+    nodes = (node for node in ast.walk(tree) if isinstance(node, (ast.Assign, ast.AugAssign, ast.Call)))
+    for node in sorted(nodes, key=lambda node: node.lineno):
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "must":
+            must = [node.value]
+        elif isinstance(node, ast.AugAssign) and ast.unparse(node.target) == "must":
+            must = [*must, node.value]
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "refuse":
+            text = must if ast.unparse(node.args[2]) == "must" else [node.args[2]]
+            words = "".join(wording(part, names) for part in text)
+            rules.append(f"{keys_of(node.args[0], tree, names)}: must {words}")
+    return rules
+
+
+def keys_of(steps: ast.expr, tree: ast.AST, names: dict) -> str:
+    """The keys that `steps` of a refusal may lead to; numbers of tables left out."""
+    paths = [()]
+    for step in steps.elts:
+        if isinstance(step, ast.Constant):
+            values = [step.value]
+        else:
+            values = [names[step.id]] if isinstance(names.get(step.id), str) else values_of(step, tree)
+        paths = [(*path, *([value] if value else [])) for path in paths for value in values or [""]]
+    keys = [FILE_KEYS.get(path[-1], "`" + ".".join(path) + "`") for path in paths if path]
+    return ", ".join(keys) or "these keys"
+
+
+def values_of(name: ast.Name, tree: ast.AST) -> list[str]:
+    """The strings that a variable may hold where it is used: of the loop over them, or of its last assignment."""
+    before = (node for node in ast.walk(tree) if isinstance(node, (ast.For, ast.Assign)) and node.lineno <= name.lineno)
+    values = []
+    for node in sorted(before, key=lambda node: node.lineno):
+        targets = [node.target] if isinstance(node, ast.For) else node.targets
+        if name.id in {n.id for target in targets for n in ast.walk(target) if isinstance(n, ast.Name)}:
+            source = node.iter if isinstance(node, ast.For) else node.value
+            parts = [source.body, source.orelse] if isinstance(source, ast.IfExp) else [source]
+            found = [n.value for part in parts for n in ast.walk(part) if isinstance(n, ast.Constant)]
+            values = [value for value in found if isinstance(value, str)]
+    return values
+
+
+def wording(text: ast.expr, names: dict) -> str:
+    """A refusal's text; values that depend on the scene become `...`."""
+    if isinstance(text, ast.Constant):
+        return text.value
+    if not isinstance(text, ast.JoinedStr):
+        raise SystemExit(f"a refusal's text that cannot be read: {ast.unparse(text)}")
+    words = ""
+    for part in text.values:
+        if isinstance(part, ast.Constant):
+            words += part.value
+        else:
+            name = ast.unparse(part.value)
+            if isinstance(part.value, ast.Attribute) and ast.unparse(part.value.value) in names:  # of a range
+                name = ast.unparse(part.value.value)
+                names = {**names, name: getattr(names[name], part.value.attr)}
+            value = names.get(name, names.get(name.removeprefix("', '.join(").removesuffix(")")))
+            value = ", ".join(map(str, value)) if isinstance(value, tuple) else value
+            words += "..." if value is None else str(value)
+    return words.replace(" (...)", "")
+
+
+if __name__ == "__main__":
+    sys.exit(main("docs/scene.md", "tools/scene_reference.py", reference(), __doc__.splitlines()[0]))
