@@ -74,6 +74,7 @@ class TraceOptions:
         for name, default in PATH_OPTIONS.items():
             if self.estimator != NONSEQUENTIAL and getattr(self, name) != default:
                 option = f"--{name.replace('_', '-')} = {getattr(self, name)}"
+                option = "--no-aimed-scatter" if name == "aimed_scatter" else option
                 raise ValueError(f"{option}: must go with --estimator {NONSEQUENTIAL}, not {self.estimator}")
 
 

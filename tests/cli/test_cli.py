@@ -656,3 +656,16 @@ def test_a_reader_that_has_seen_enough_is_no_error():
             check=False,
         )
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("option", [("--bounce-limit", "4"), ("--least-chance", "0.2"), ("--branches", "split"),
+                                    ("--no-aimed-scatter",)])  # fmt: skip
+def test_run_takes_the_choices_of_the_nonsequential_estimator_for_it_alone(irtscots, monkeypatch, option):
+    seen = []
+    monkeypatch.setattr("irtscots_cl.pipeline.simulate.simulate", lambda *_, **given: seen.append(given) or 1 / 0)
+    code, _, err = irtscots("run", "sphere", *option)
+    assert code == 2 and "must go with --estimator nonsequential, not adjoint" in err and not seen
+    with pytest.raises(ZeroDivisionError):
+        irtscots("run", "sphere", "--estimator", "nonsequential", *option)
+    name = {"--no-aimed-scatter": "aimed_scatter"}.get(option[0], option[0].strip("-").replace("-", "_"))
+    assert str(seen[0][name]) == (option[1] if option[1:] else "False")

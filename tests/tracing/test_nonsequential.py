@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from oracle import sequence
 from path_scenes import PLATE, PLATE_GHOST, PLATE_SECOND, plate_mean, wide
-from scenes import scene_of
+from scenes import coarse_screen, scene_of
 from scipy import stats
 from significance import poisson_ratio_p, sidak_p, sidak_z
 from tracers import path_tracer_of
@@ -509,3 +509,18 @@ def test_how_many_rays_go_side_by_side_changes_no_path(device, monkeypatch, name
         for end, count in runs[0].ends.items():
             assert abs(run.ends[end] - count) <= 1e-4 * runs[0].ends["launched"] * (end != "launched"), end
         assert run.paths[0].rays == pytest.approx(runs[0].paths[0].rays, rel=1e-3, abs=0)  # a few at the aperture's rim
+
+
+def test_trace_reaches_every_choice_of_the_estimator(device):
+    """And launch_rays, which no result depends on: as many launches as it says."""
+    scene, given = coarse_screen(load_scene("sphere-singlet")), {"device": device, "rays_per_pixel": 1024, "seed": 3}
+    choices = {"bounce_limit": 6, "least_chance": 0.3, "branches": "split", "aimed_scatter": False}
+    launches = []
+    light = trace(scene, estimator=NONSEQUENTIAL, replicates=2, launch_rays=2**13, **given, **choices,
+                  progress=lambda done, total: launches.append(done))  # fmt: skip
+    assert {name: getattr(light.options, name) for name in choices} == choices
+    assert len(launches) == pytest.approx(49 * 1024 / 2**13, abs=2)
+    whole = trace_paths(scene, replicates=2, **given, **choices)
+    np.testing.assert_array_equal(light.images_w, whole.images_w)
+    other = trace_paths(scene, replicates=2, **given, **(choices | {"branches": "random"}))
+    assert light.ends["parted"] > 0 == other.ends["parted"]

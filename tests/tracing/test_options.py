@@ -67,6 +67,20 @@ def test_every_value_in_range_is_kept(given):
             )
             for name in ("forward", ANALYTIC)
         ),
+        *(
+            ({option: value}, f"{words}: must go with --estimator nonsequential, not adjoint")
+            for option, value, words in (
+                ("bounce_limit", 3, "--bounce-limit = 3"),
+                ("least_chance", 0.2, "--least-chance = 0.2"),
+                ("branches", "split", "--branches = split"),
+                ("aimed_scatter", False, "--no-aimed-scatter"),
+            )
+        ),
+        *(({"estimator": NONSEQUENTIAL} | given, message) for given, message in (
+            ({"bounce_limit": 0}, "--bounce-limit = 0: must be 1 to 10"),
+            ({"least_chance": 0.6}, "--least-chance = 0.6: must be 0 to 0.5"),
+            ({"branches": "some"}, "--branches = 'some': must be one of random, split"),
+        )),
     ],
     ids=str,
 )
@@ -74,3 +88,8 @@ def test_a_value_out_of_range_is_refused_in_one_line(given, message):
     with pytest.raises(ValueError, match="must") as caught:
         TraceOptions(**given)
     assert str(caught.value) == message and message.isprintable()
+
+
+@pytest.mark.parametrize(("earlier", "name"), [("roulette", "random"), ("both", "split")])
+def test_earlier_names_of_the_branches_go_on_working(earlier, name):
+    assert TraceOptions(NONSEQUENTIAL, branches=earlier) == TraceOptions(NONSEQUENTIAL, branches=name)
