@@ -14,8 +14,8 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
@@ -188,7 +188,7 @@ class Checkpoint:
         self._seconds_per_byte = (self._saved - started) / max(nbytes_of(arrays), 1)
         self.saves, self.save_seconds = self.saves + 1, self.save_seconds + self._saved - started
 
-    def _read(self, file: BinaryIO, rays: np.ndarray, sources: int, per_item: int) -> Cursor:
+    def _read(self, file: BufferedReader, rays: np.ndarray, sources: int, per_item: int) -> Cursor:
         header = read_header(file, self.path)
         different = differences(header["facts"], self._facts)
         if different:
@@ -207,8 +207,8 @@ class Checkpoint:
         digest = digest_hash(file.read(start))
         for array in arrays:
             if array.size:
-                file.readinto(memoryview(array).cast("B"))
-                digest.update(array)
+                file.readinto(array.data.cast("B"))
+                digest.update(array.data)
         if file.read(DIGEST_BYTES) != digest.digest():
             raise damaged(self.path)
         self.seconds = {"trace": trace, "kernels": kernels}

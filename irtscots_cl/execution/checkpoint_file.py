@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -40,8 +40,8 @@ def write_checkpoint(path: Path, header: bytes, arrays: list[np.ndarray]) -> Non
             file.write(line)
             for array in arrays:
                 if array.size:
-                    file.write(array)
-                    digest.update(array)
+                    file.write(array.data)
+                    digest.update(array.data)
             file.write(digest.digest())
             file.flush()
             os.fsync(file.fileno())
@@ -62,7 +62,7 @@ def new_path(path: Path) -> Path:
     return path.with_name(path.name + ".new")
 
 
-def read_header(file: BinaryIO, path: Path) -> dict:
+def read_header(file: BinaryIO, path: Path) -> dict[str, Any]:
     """The JSON of the first line; ValueError if the line is not as it was written."""
     line = file.readline(MAX_HEADER_BYTES)
     digest, _, text = line.removeprefix(FORMAT).removesuffix(b"\n").partition(b" ")
@@ -81,7 +81,7 @@ def damaged(path: Path) -> ValueError:
     return ValueError(f"{path}: damaged, or not a checkpoint of this version; must be deleted, to start anew")
 
 
-def differences(kept: dict, here: Fingerprint) -> str:
+def differences(kept: dict[str, Any], here: Fingerprint) -> str:
     """In words where two runs differ, "" where they do not; inputs follow from the rest and are named last."""
     names = [name for name in {**here, **kept} if kept.get(name) != here.get(name)]
     if len(names) > 1 and "inputs" in names:
@@ -94,7 +94,7 @@ def differences(kept: dict, here: Fingerprint) -> str:
     return "; ".join(words[:5]).replace("'", "")
 
 
-def digest_hash(data: bytes):
+def digest_hash(data: bytes) -> hashlib.blake2b:
     return hashlib.blake2b(data, digest_size=DIGEST_BYTES)
 
 

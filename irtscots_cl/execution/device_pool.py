@@ -46,7 +46,7 @@ class open_pool:  # noqa: N801  used as a function: `with open_pool(devices, bui
     def __enter__(self) -> tuple[Tracer, Callable[[], dict[str, object]]]:
         return self._tracer, self._describe
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._pool is not None:
             self._pool.close()
 
@@ -109,7 +109,7 @@ class DevicePool:
         if self._todo:  # of a device that failed just now
             self._share()
             return self.sums()
-        return tuple(array.copy() for array in self._taken)
+        return tuple(array.copy() for array in self._taken or ())
 
     def _clear(self, member: PooledDevice) -> None:
         try:

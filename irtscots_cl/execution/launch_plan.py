@@ -110,7 +110,7 @@ def cut_block(block: RayBlock, launch_rays: Callable[[], int], per_item: int) ->
 class RateMeter:
     """Rays per second of the launches so far, and the seconds spent in kernels."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.kernel_seconds, self._rays_per_second = 0.0, 0.0
 
     def launched(self, rays: int, seconds: float) -> None:

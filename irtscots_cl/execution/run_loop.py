@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def run_rays(tracer: Tracer, rays: np.ndarray, control: RunControl = RunControl(
                     control.on_replicate(tuple(array[: cursor.replicate] for array in found))
             if checkpoint is not None and cursor != end:
                 seconds = tracer.rate_meter.kernel_seconds
-                checkpoint.launched(cursor, seconds, lambda at=cursor.replicate: _collect(tracer, found, at))
+                checkpoint.launched(cursor, seconds, partial(_collect, tracer, found, cursor.replicate))
     if checkpoint is not None:
         checkpoint.ended(cursor, tracer.rate_meter.kernel_seconds)
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from irtscots_cl.execution.dask.cluster import DaskExecutor
 from irtscots_cl.execution.executor import Executor
@@ -10,7 +11,7 @@ from irtscots_cl.execution.local import LocalExecutor
 from irtscots_cl.opencl.device import Device, select_devices
 
 
-def executor_of(device: Device | Sequence[Device] | None, client=None) -> Executor:
+def executor_of(device: Device | Sequence[Device] | None, client: Any = None) -> Executor:
     """Where to trace: the workers of a distributed.Client or of a Cluster, these devices, or those selected."""
     if client is not None:
         if device is not None:

@@ -23,7 +23,7 @@ CONNECT_SECONDS = 10.0
 log = logging.getLogger(__name__)
 
 
-def connect(address: str):
+def connect(address: str) -> Any:
     """The distributed.Client of a scheduler; ValueError of one line if there is none."""
     try:
         from distributed import Client
@@ -46,8 +46,10 @@ class DaskExecutor:
     DeviceError if there is no worker for WAIT_SECONDS, or all have failed.
     """
 
-    def __init__(self, client):
-        self.client, self.failed, self._about, self._devices = client, {}, {}, {}
+    def __init__(self, client: Any):
+        self.client, self.failed = client, dict[str, str]()
+        self._about: dict[str, dict[str, str]] = {}
+        self._devices: dict[str, dict[str, object]] = {}
         self._wait_for_workers()
         self._greet_workers()
 
@@ -79,7 +81,7 @@ class DaskExecutor:
             except WorkerError as error:
                 self.leave_out(error)
 
-    def submit(self, function: Callable, *arguments: Any, only: Iterable[str] | None = None):
+    def submit(self, function: Callable[..., Any], *arguments: Any, only: Iterable[str] | None = None) -> Any:
         """The future of a task on these workers, or on any."""
         return self.client.submit(function, *arguments, pure=False, workers=None if only is None else list(only))
 

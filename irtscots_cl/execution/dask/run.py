@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from queue import Empty, SimpleQueue
 from statistics import median
 from typing import TYPE_CHECKING, Any
@@ -51,9 +51,7 @@ class ClusterRun:
     sums: the result, as run_loop.run_rays returns it. ran: address -> rays, tasks, seconds, kernels, device.
     """
 
-    def __init__(
-        self, cluster: DaskExecutor, task: TraceTask, rays: np.ndarray, control: RunControl
-    ):
+    def __init__(self, cluster: DaskExecutor, task: TraceTask, rays: np.ndarray, control: RunControl):
         self._cluster, self._task, self._control = cluster, task, control
         self._code, self._kind, self._task_json = code_hash(), type(task), task.to_json()
         checkpoint = control.checkpoint
@@ -62,19 +60,24 @@ class ClusterRun:
         if checkpoint is not None:
             facts = cluster.call(fingerprint_of, self._kind, self._task_json)
             self._place = checkpoint.begin(facts, rays, task.sources, task.max_rays_per_item, self.sums)
-        self._total, self._speeds, self._again = int(rays.sum()) * task.sources, [], []
+        self._total = int(rays.sum()) * task.sources
+        self._speeds: list[float] = []
+        self._again: list[tuple[int, RayBlock]] = []
         before = self._place.rays_before(rays, task.sources)
         self._to_cut, self._left = self._total - before, []  # rays not yet cut into parts, not yet traced by replicate
         for whole in (int(per_source) * task.sources for per_source in rays):
             self._left.append(whole - min(before, whole))
             before -= min(before, whole)
         self._parts = self._cut(rays)
-        self._levels: list[list[list]] = [[] for _ in rays]  # of each replicate: sums of FAN_IN^level parts
-        self._out: dict[str, tuple[Any, Callable, tuple]] = {}  # key -> future, what then, with what
-        self._done, self._polled, self._seen, self._parts_out = SimpleQueue(), 0.0, time.monotonic(), 0
+        self._levels: list[list[list[Any]]] = [[] for _ in rays]  # of each replicate: sums of FAN_IN^level parts
+        # key -> future, what then, with what
+        self._out: dict[str, tuple[Any, Callable[..., None], tuple[Any, ...]]] = {}
+        self._done: SimpleQueue[str] = SimpleQueue()
+        self._polled, self._seen, self._parts_out = 0.0, time.monotonic(), 0
         self._threads: dict[str, int] = {}
         self._only: dict[str, set[str] | None] = {}  # key of a part's task -> the workers that may run it
-        self._complete, self._retries, self.ran = set(), 0, {}
+        self._complete: set[int] = set()
+        self._retries, self.ran = 0, dict[str, Any]()
 
     def finish(self) -> None:
         """Run to the end. Raises as Cluster says."""
@@ -98,7 +101,7 @@ class ClusterRun:
     @property
     def kernel_seconds(self) -> float:
         """Mean over the workers."""
-        return sum(of_one["kernels"] for of_one in self.ran.values()) / max(1, len(self.ran))
+        return float(sum(of_one["kernels"] for of_one in self.ran.values()) / max(1, len(self.ran)))
 
     def cancel(self) -> None:
         """Take back what has not run."""
@@ -108,7 +111,7 @@ class ClusterRun:
 
     # parts of the rays
 
-    def _cut(self, rays: np.ndarray):
+    def _cut(self, rays: np.ndarray) -> Iterator[tuple[int, RayBlock]]:
         sources, per_item, start = self._task.sources, self._task.max_rays_per_item, self._place
         for replicate in range(start.replicate, len(rays)):
             for block in plan_launches(sources, int(rays[replicate]), self._next_rays, per_item, start):
@@ -142,11 +145,11 @@ class ClusterRun:
             self._watch(future, self._traced, replicate, block)
             self._only[future.key] = only
 
-    def _watch(self, future, then: Callable, *arguments: Any) -> None:
+    def _watch(self, future: Any, then: Callable[..., None], *arguments: Any) -> None:
         self._out[future.key] = future, then, arguments
         future.add_done_callback(lambda done: self._done.put(done.key))
 
-    def _traced(self, future, replicate: int, block: RayBlock) -> None:
+    def _traced(self, future: Any, replicate: int, block: RayBlock) -> None:
         self._parts_out -= 1
         del self._only[future.key]
         if not self._is_well(future):
@@ -164,7 +167,7 @@ class ClusterRun:
             total = self._cluster.client.submit(add_up, *rest, pure=False, priority=1) if len(rest) > 1 else rest[0]
             self._watch(total, self._totalled, replicate)
 
-    def _add(self, replicate: int, level: int, future) -> None:
+    def _add(self, replicate: int, level: int, future: Any) -> None:
         """A partial sum more; full levels are added up at once, before further parts are traced."""
         levels = self._levels[replicate]
         if level == len(levels):
@@ -174,11 +177,11 @@ class ClusterRun:
             full, levels[level] = levels[level], []
             self._add(replicate, level + 1, self._cluster.client.submit(add_up, *full, pure=False, priority=1))
 
-    def _timed(self, future) -> None:
+    def _timed(self, future: Any) -> None:
         if future.status == "finished":
             self._speeds.append(future.result())
 
-    def _totalled(self, future, replicate: int) -> None:
+    def _totalled(self, future: Any, replicate: int) -> None:
         if not self._is_well(future):  # what a lost worker had was traced again, on one that failed: once more
             self._retries += 1
             if self._retries > MAX_RETRIES:
@@ -200,7 +203,7 @@ class ClusterRun:
 
     # what goes wrong
 
-    def _is_well(self, future) -> bool:
+    def _is_well(self, future: Any) -> bool:
         """Whether a future has a result; False if its worker failed and is left out. Raises what is worse."""
         if future.status == "finished":
             return True

@@ -98,7 +98,7 @@ def add_up(*found: dict[str, Any]) -> dict[str, Any]:
 def speed_of(found: dict[str, Any]) -> float:
     """Rays per second of a result of trace_block."""
     (ran,) = found["ran"].values()
-    return ran["rays"] / max(ran["seconds"], 1e-6)
+    return float(ran["rays"] / max(ran["seconds"], 1e-6))
 
 
 def call_on_device(code: str, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
@@ -123,10 +123,10 @@ def _check_code(code: str) -> str:
 
 _guard = threading.Lock()
 # The last task's tracer: warm for the next block.
-_warm: dict[tuple[type, str], tuple[ExitStack, Tracer, Callable[[], dict]]] = {}
+_warm: dict[tuple[type[TraceTask], str], tuple[ExitStack, Tracer, Callable[[], dict[str, object]]]] = {}
 
 
-def _tracer(kind: type[TraceTask], task_json: str) -> tuple[Tracer, Callable[[], dict]]:
+def _tracer(kind: type[TraceTask], task_json: str) -> tuple[Tracer, Callable[[], dict[str, object]]]:
     if (kind, task_json) not in _warm:
         _forget_tracer()
         stack = ExitStack()
@@ -143,9 +143,9 @@ def _forget_tracer() -> None:
     _warm.clear()
 
 
-def merged(*several: dict[str, dict]) -> dict[str, dict]:
+def merged(*several: dict[str, Any]) -> dict[str, Any]:
     """The "ran" of many results as one."""
-    merged: dict[str, dict] = {}
+    merged: dict[str, Any] = {}
     for ran in several:
         for address, more in ran.items():
             so_far = merged.get(address, {})
