@@ -49,8 +49,9 @@ Peer = Callable[[int, int, dict], np.ndarray]
 def job() -> dict:
     """The scene's numbers, from this program's own description but traced by nobody here."""
     scene = load_scene("sphere")
-    chief = Setup(scene).chief_rays
-    sources, _ = emitters(chief, "fp64", 1.0, "mirror")
+    setup = Setup(scene)
+    chief = setup.chief_rays
+    sources, _ = emitters(setup, "fp64", 1.0, "mirror")
     return {
         "radius": scene.mirror.radius_mm,
         "rim2": (scene.mirror.diameter_mm / 2) ** 2,

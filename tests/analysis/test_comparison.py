@@ -11,6 +11,7 @@ from irtscots_cl.analysis.comparison import compare
 from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.presets import load_scene
@@ -31,7 +32,7 @@ def exact(scene, pixels: int = 31) -> Reconstruction:
     none = np.zeros((0, *mask.shape))
     good = np.zeros(mask.shape, int)
     return Reconstruction(
-        nominal=scene.nominal(),
+        setup=Setup(scene.nominal()),
         light_curve="centroid",
         method="southwell",
         pixel_average=True,

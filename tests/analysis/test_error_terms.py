@@ -109,7 +109,7 @@ def test_lines_half_as_wide_sample_better(scene):
 def test_the_stages_of_a_measure_without_pixel_average_are_freed_of_it(scene, measured, monkeypatch):
     """Left out where the parts are made, the stages would be those of another measure."""
     result, options, parts = measured["fine"]
-    monkeypatch.setattr(errorparts, "without_pixel_average", lambda values, mask: values)
+    monkeypatch.setattr(errorparts, "deconvolve_pixel", lambda values, mask: values)
     wrong = by_name(error_terms(result, scene, "fine", options))
     assert wrong["pixel averaging"].height_nm > 3 * by_name(parts)["pixel averaging"].height_nm  # 9 measured
 

@@ -20,6 +20,7 @@ from irtscots_cl.measurement.light_curves import Flag
 from irtscots_cl.measurement.methods import measure_by
 from irtscots_cl.measurement.reconstruction import Reconstruction, reconstruct
 from irtscots_cl.measurement.refinement import MODEL_ORDER, PIXELS_PER_TERM, refine
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.instrument import Detector
 from irtscots_cl.scene.mirror import ZernikeTerms
@@ -281,7 +282,7 @@ def _flat(pixels: int) -> Reconstruction:
     zero, no = np.zeros((1, pixels)), np.zeros((0, 1, pixels))
     yes, flags = np.ones((1, pixels), bool), np.zeros((1, pixels), int)
     return Reconstruction(
-        scene, "chord", "cubic", False, x_mm, y_mm, yes, yes, flags, *[zero] * 6, *[no] * 3
+        Setup(scene), "chord", "cubic", False, x_mm, y_mm, yes, yes, flags, *[zero] * 6, *[no] * 3
     )  # fmt: skip
 
 

@@ -46,17 +46,17 @@ def _run(
 
 
 def _words(sources: np.ndarray) -> np.ndarray:
-    """[streams, rays, 4] words of the rays that _run traces."""
+    """[sources, rays, 4] words of the rays that _run traces."""
     return np.stack([sample_words("philox", SEED, int(s), 0, FIRST_RAY + np.arange(RAYS)) for s in sources])
 
 
 def forward_rays(device, scene, precision: str) -> Rays:
     """Rays from screen pixels spread over the screen, aimed as the package aims them."""
     sources, _ = emitters(Setup(scene), precision, 1.0, "mirror")
-    sources = np.linspace(0, len(sources) - 1, SOURCES).astype(np.uint32)
-    paths, marks = _run(device, scene, precision, "trace_paths_forward", sources, sources, 11, 3)
-    words, pitch = _words(sources), scene.screen.pitch_mm
-    emitter = {name: np.repeat(sources[name][sources].astype(float), RAYS) for name in sources.dtype.names}
+    chosen = np.linspace(0, len(sources) - 1, SOURCES).astype(np.uint32)
+    paths, marks = _run(device, scene, precision, "trace_paths_forward", sources, chosen, 11, 3)
+    words, pitch = _words(chosen), scene.screen.pitch_mm
+    emitter = {name: np.repeat(sources[name][chosen].astype(float), RAYS) for name in sources.dtype.names}
     x = emitter["x"] + pitch * centred(words[..., 0]).ravel()
     y = emitter["y"] + pitch * centred(words[..., 1]).ravel()
     disk_x, disk_y = paths[:, 9], paths[:, 10]

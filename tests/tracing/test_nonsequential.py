@@ -261,12 +261,12 @@ def oracle_light(name):
     return sequence.from_one_pixel(one_pixel(name), ORACLE_RAYS, np.random.default_rng(52))
 
 
-def moments(cursor, weight):
+def moments(place, weight):
     """Of light at places (column, row) [n, 2]: means of column, row, their squares and product, and their variances.
 
     Places from the detector's middle, in pixels; those of the kernel are whole pixels, so the oracle's are rounded too.
     """
-    x, y = (cursor - 62).T
+    x, y = (place - 62).T
     values, share = np.stack([x, y, x * x, y * y, x * y]), weight / weight.sum()
     mean = values @ share
     return mean, (values - mean[:, None]) ** 2 @ share
@@ -282,7 +282,7 @@ def test_a_real_lens_images_the_mirror_as_the_oracle_says(device, name):
     np.testing.assert_array_equal(image, light.images_w[0, DIRECT, 1])  # its column is its row
     row, column = np.divmod(np.arange(len(image)), 125)
     found, variance = moments(np.stack([column, row], -1), image)
-    expected, of_oracle = moments(np.rint(oracle.cursor), oracle.flux_w)
+    expected, of_oracle = moments(np.rint(oracle.place), oracle.flux_w)
     z = (found - expected) / np.sqrt(variance / rays + of_oracle / len(oracle.flux_w))
     assert np.abs(z).max() < sidak_z(len(z), CHANCE)
     radius = math.sqrt(expected[2] + expected[3])

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from irtscots_cl.scene.model import MAX_ELEMENTS
-from irtscots_cl.tracing.results.paths import KINDS, MAX_EVENTS, PATH_BITS, events_of, kind_of, name_of
+from irtscots_cl.tracing.options import MAX_EVENTS
+from irtscots_cl.tracing.results.paths import KINDS, PATH_BITS, events_of, kind_of, name_of
 
 NOMINAL, GHOST, SCATTER = range(3)
 NAMES = ("mirror", "stop", "lens", "detector", "front", "back")

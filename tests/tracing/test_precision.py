@@ -6,6 +6,7 @@ import dataclasses
 
 import pytest
 
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.mirror import Mirror
 from irtscots_cl.scene.presets import load_scene, sequential_presets
 from irtscots_cl.tracing.checks import precision as module
@@ -14,7 +15,7 @@ from irtscots_cl.tracing.checks.precision import MAX_SLOPE_URAD, check_precision
 
 @pytest.mark.parametrize("name", sequential_presets())
 def test_presets_are_far_from_the_bound_in_single_precision(name, device):
-    error = rounding_slope_urad(load_scene(name), device, "fp32")
+    error = rounding_slope_urad(Setup(load_scene(name)), device, "fp32")
     assert 1e-4 < error < 0.02  # urad; 0.006 measured: a few of the 24 bits
     check_precision_of_scene(load_scene(name), device, "fp32", name)
 
@@ -32,12 +33,12 @@ def far_from_the_vertex():
 def test_double_precision_is_exact_and_never_refused(device):
     if not device.has_fp64:
         pytest.skip("the device has no double precision")
-    assert rounding_slope_urad(far_from_the_vertex(), device, "fp64") < 1e-6  # urad: 2^-53 of 4 m over 0.4 m
+    assert rounding_slope_urad(Setup(far_from_the_vertex()), device, "fp64") < 1e-6  # urad: 2^-53 of 4 m over 0.4 m
     check_precision_of_scene(far_from_the_vertex(), device, "fp64", "far.toml")
 
 
 def test_a_scene_that_single_precision_cannot_resolve_is_refused(device):
-    error = rounding_slope_urad(far_from_the_vertex(), device, "fp32")
+    error = rounding_slope_urad(Setup(far_from_the_vertex()), device, "fp32")
     assert error > MAX_SLOPE_URAD
     with pytest.raises(ValueError, match=r"--precision = 'fp32': far\.toml: .* urad rms per ray, .*; must be fp64"):
         check_precision_of_scene(far_from_the_vertex(), device, "fp32", "far.toml")
@@ -53,4 +54,4 @@ def test_a_ray_lost_to_overflow_counts_as_infinite_error(device, monkeypatch):
             return paths
 
     monkeypatch.setattr(module, "PathProbe", Lost)
-    assert rounding_slope_urad(load_scene("sphere"), device, "fp32") == float("inf")
+    assert rounding_slope_urad(Setup(load_scene("sphere")), device, "fp32") == float("inf")

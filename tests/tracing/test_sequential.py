@@ -364,11 +364,11 @@ RAYS = 768
 
 @pytest.fixture(params=[0, FAR], ids=["near", "beyond 2^33"])
 def start(request, monkeypatch):
-    """The number of the first ray of every stream that a trace takes."""
+    """The number of the first ray of every source that a trace takes."""
     monkeypatch.setattr(
         runner,
         "plan_launches",
-        lambda *given: ((s, n, ray + request.param, rays) for s, n, ray, rays in plan_launches(*given)),
+        lambda *given: (block._replace(first_ray=block.first_ray + request.param) for block in plan_launches(*given)),
     )
     return request.param
 
@@ -387,11 +387,11 @@ def ray_by_ray(device, scene, name, sources, chosen, fields, marks, first_ray):
 def test_forward_counts_are_the_rays_that_came_through(device, scene, start):
     run = trace(scene, device=device, estimator="forward", rays_per_pixel=RAYS - 28, replicates=1, seed=3)
     sources, _ = emitters(Setup(scene), "fp32", 1.0, "mirror")
-    sources = np.arange(len(sources), dtype=np.uint32)
-    _, marks = ray_by_ray(device, scene, "trace_paths_forward", sources, sources, 11, 3, start)
+    chosen = np.arange(len(sources), dtype=np.uint32)
+    _, marks = ray_by_ray(device, scene, "trace_paths_forward", sources, chosen, 11, 3, start)
     marks = marks[:, : RAYS - 28]
     landed = (marks[..., 1] == 1) & (marks[..., 2] >= 0)
-    screen = np.broadcast_to(sources[:, None], landed.shape)
+    screen = np.broadcast_to(chosen[:, None], landed.shape)
     shape = (scene.camera.detector.pixels[0] * scene.camera.detector.pixels[1], len(sources))
     expected = np.zeros(shape, int)
     np.add.at(expected, (marks[..., 2][landed], screen[landed]), 1)

@@ -416,10 +416,10 @@ def test_as_many_rays_as_are_allowed_cannot_overflow():
 def no_tracing(monkeypatch):
     """A trace that is not refused is interrupted before it begins: so many rays take hours."""
 
-    def begin(scene):
+    def begin(*_):
         raise InterruptedError
 
-    monkeypatch.setattr(module, "calibrate", begin)
+    monkeypatch.setattr("irtscots_cl.tracing.trace.check_visible", begin)
 
 
 @pytest.mark.usefixtures("no_tracing")
