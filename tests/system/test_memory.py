@@ -91,10 +91,11 @@ def test_the_largest_scenes_are_refused_before_they_take_memory(
 PEAK = """
 import sys
 from fuzz import peak_bytes
-from irtscots_cl.calibration import calibrate, check_visible
-from irtscots_cl.presets import load_scene
+from irtscots_cl.optics.chief_rays import check_visible
+from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.presets import load_scene
 scene, before = load_scene(sys.argv[1]), peak_bytes()
-check_visible(calibrate(scene), "x")
+check_visible(Setup(scene).chief_rays, "x")
 print(peak_bytes() - before)
 """
 
