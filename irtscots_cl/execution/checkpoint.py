@@ -109,7 +109,7 @@ class Checkpoint:
     ) -> Cursor:
         """Read the file's sums into `sums`, each [replicates, ...] and zero; returns where the trace goes on.
 
-        job: the facts that are known once the kernel is built. rays: [replicates] per stream. Where there is no file or
+        job: the facts that are known once the kernel is built. rays: [replicates] per source. Where there is no file or
         none is wanted, the trace starts. Raises ValueError, one line, for a file that is damaged or of something else.
         """
         keeper, self._facts, self._sums, cursor = self._keeper, self._facts | job, sums, Cursor()

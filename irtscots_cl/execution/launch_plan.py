@@ -13,7 +13,7 @@ LAUNCH_SECONDS = 0.4  # aimed at, so that progress and interruption stay respons
 
 
 def share_rays(rays_per_pixel: int, replicates: int) -> np.ndarray:
-    """Rays per stream of each replicate [replicates], as equal as whole numbers allow."""
+    """Rays per source of each replicate [replicates], as equal as whole numbers allow."""
     if not 1 <= replicates <= 1024:
         raise ValueError(f"--replicates = {replicates}: must be 1 to 1024")
     if not replicates <= rays_per_pixel <= 2**40:
@@ -41,7 +41,7 @@ class RayBlock(NamedTuple):
 class Cursor(NamedTuple):
     """Where a trace goes on: all before, in the order of plan_launches, is traced.
 
-    first_ray: of a block of rays of all streams. block_rays: of each stream in it; 0 where first_stream is 0.
+    first_ray: of a block of rays of all sources. block_rays: of each source in it; 0 where first_source is 0.
     """
 
     replicate: int = 0
@@ -59,12 +59,12 @@ class Cursor(NamedTuple):
         return Cursor(self.replicate + 1)
 
     def rays_before(self, rays: np.ndarray, sources: int) -> int:
-        """Of all streams; rays: [replicates] per stream."""
+        """Of all sources; rays: [replicates] per source."""
         whole = int(rays[: self.replicate].sum()) + self.first_ray
         return whole * sources + self.first_source * self.block_rays
 
     def check(self, rays: np.ndarray, sources: int, per_item: int) -> None:
-        """ValueError if no trace of rays [replicates] per stream comes by here."""
+        """ValueError if no trace of rays [replicates] per source comes by here."""
         if not all(type(n) is int for n in self) or not 0 <= self.replicate <= len(rays):
             raise ValueError("place")
         left = (int(rays[self.replicate]) if self.replicate < len(rays) else 1) - self.first_ray

@@ -20,7 +20,7 @@ def measure(
 ) -> MeasuredFacts:
     """Measure a mirror from images alone, without a truth to compare with.
 
-    how: a name of measures.MEASURES. Writes result.h5 and figures into the folder and returns the main facts, named as
+    how: a name of methods.MEASURES. Writes result.h5 and figures into the folder and returns the main facts, named as
     in report.json.
     """
     from irtscots_cl.report.figures import write_figures

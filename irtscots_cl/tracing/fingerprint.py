@@ -15,7 +15,7 @@ from irtscots_cl.tracing.options import TraceOptions
 def trace_fingerprint(
     scene: Scene, options: TraceOptions, rays: np.ndarray, device_identity: dict[str, str]
 ) -> Fingerprint:
-    """What a trace of rays [replicates] per stream depends on, as far as it is known before its kernel is built.
+    """What a trace of rays [replicates] per source depends on, as far as it is known before its kernel is built.
 
     about: {"device", "driver"}: their names.
     """

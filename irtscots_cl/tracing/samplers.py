@@ -1,6 +1,6 @@
 """The ray samplers by name: each is a kernel file sampler_NAME.cl with the verbs sampler_begin and sampler_block.
 
-A ray's four words are a pure function of (seed, stream, replicate, ray number); here are the kernels' NumPy twins.
+A ray's four words are a pure function of (seed, source, replicate, ray number); here are the kernels' NumPy twins.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def philox4x32_10(counter: np.ndarray, key: tuple[int, int]) -> np.ndarray:
 def sample_words(sampler: str, seed: int, source: int, replicate: int, rays: np.ndarray) -> np.ndarray:
     """NumPy twin of kernels/random/sampler_*.cl: the words [n, 4] uint32 of rays [n] (64-bit numbers) of a stream.
 
-    sampler: one of SAMPLERS. seed: 64 bits; stream, replicate: 32 bits.
+    sampler: one of SAMPLERS. seed: 64 bits; source, replicate: 32 bits.
     """
     words = {"philox": _philox_words, "sobol": _sobol_words, "lattice": _lattice_words}[sampler]
     return words(seed, source, replicate, np.asarray(rays, np.uint64))
@@ -102,7 +102,7 @@ def _lattice_words(seed: int, source: int, replicate: int, rays: np.ndarray) -> 
 
 
 def _sampler_seeds(seed: int, source: int, replicate: int, runs: np.ndarray) -> np.ndarray:
-    """Twin of kernels/random/seeds.cl: words [n, 4] that the runs [n] of 2^32 rays of a stream are randomised with."""
+    """Twin of kernels/random/seeds.cl: words [n, 4] that the runs [n] of 2^32 rays of a source are randomised with."""
     return _philox(seed, runs, _LOW, source, replicate)
 
 

@@ -1,4 +1,4 @@
-"""The analytic estimator: every pixel's light curves in closed form (pixellight.py), without rays' noise.
+"""The analytic estimator: every pixel's light curves in closed form (optics/pixel/response.py), without rays' noise.
 
 Light that the screen's other edge cuts off has no closed form: pixels with such light get no light curve, as those
 whose map is not quadratic enough, and are counted in the ledger.

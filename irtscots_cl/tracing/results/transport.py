@@ -59,8 +59,8 @@ class Transport(TraceResult):
 
     options: that it was made with. device: Device.describe() of where.
     counts: [replicates, n, window rows, window columns] uint64, ray counts (forward) or summed weights (adjoint).
-    unit_w: flux [W] of one count in a run of one ray per stream; broadcasts to [n, window rows, window columns].
-    rays: [replicates] rays per stream (screen pixel or detector pixel) of each replicate.
+    unit_w: flux [W] of one count in a run of one ray per source; broadcasts to [n, window rows, window columns].
+    rays: [replicates] rays per source (screen pixel or detector pixel) of each replicate.
     ledger: rays by fate; all but "launched" add up to it. seconds: build, trace, and the part of it in kernels.
     """
 
