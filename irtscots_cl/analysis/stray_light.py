@@ -10,6 +10,7 @@ from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.maths.statistics import Estimate, jackknife_error
 from irtscots_cl.measurement.methods import measure_by
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.tracing.results.paths import KINDS, PathLight
 
 
@@ -35,7 +36,7 @@ def stray_light(light: PathLight, measure: str = "paper") -> tuple[StrayLight, .
     Both measurements use the same rays, so their noise nearly cancels. measure: a name in methods.MEASURES. Raises the
     errors of measure_by.
     """
-    pattern, nominal = LineScan(light.scene), light.scene.nominal()
+    pattern, nominal = LineScan(light.scene), Setup(light.scene.nominal())
     flux = {kind: sum(path.flux_w for path in light.paths if path.kind == kind) for kind in KINDS}
     alone, found = measure_by(measure, light.only("direct").images(pattern), nominal), []
     for kind in KINDS[1:]:

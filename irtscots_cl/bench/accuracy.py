@@ -21,7 +21,7 @@ from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.methods import MEASURES, measure_by
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.opencl.device import Device
-from irtscots_cl.scene.model import Scene
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
 from irtscots_cl.tracing.samplers import SAMPLERS
@@ -77,20 +77,20 @@ def default_series(device: Device, quick: bool) -> list[Series]:
 
 def run_accuracy(device: Device, quick: bool) -> dict:
     """The sweep as plain data: points (marked if on the front), the series' exponents, floors, the paper's runs."""
-    scene = load_scene(SCENE)
-    points, exponents = _analytic(scene, QUICK_MEASURES if quick else tuple(MEASURES)), []
+    setup = Setup(load_scene(SCENE))  # shared, so that the times are those of tracing and measuring alone
+    points, exponents = _analytic(setup, QUICK_MEASURES if quick else tuple(MEASURES)), []
     floors = [{key: point[key] for key in ("measure", "slope_error_urad", "height_error_nm")} for point in points]
     for series in default_series(device, quick):
-        found = [_point(scene, device, series, rays, SEEDS[quick]) for rays in series.rays]
+        found = [_point(setup, device, series, rays, SEEDS[quick]) for rays in series.rays]
         exponents += _exponents(series, found)
         points += [row for rows in found for row in rows]
     return {
-        "scene": scene.name,
+        "scene": setup.scene.name,
         "seeds": SEEDS[quick],
         "points": mark_front(points),
         "exponents": exponents,
         "floors": floors,
-        "rounding_height_nm": _rounding(scene, device),
+        "rounding_height_nm": _rounding(setup, device),
         "paper": paper_runs(),
     }
 
@@ -102,38 +102,38 @@ def paper_runs() -> list[dict]:
             for rays, x, y, nm in PAPER]  # fmt: skip
 
 
-def _analytic(scene: Scene, measures: tuple[str, ...]) -> list[dict]:
+def _analytic(setup: Setup, measures: tuple[str, ...]) -> list[dict]:
     """The analytic estimator's points: without noise, they are each method's floor."""
-    run = trace(scene, estimator=ANALYTIC)
-    stack = run.images(LineScan(scene))
-    _measured(measures[0], stack, scene)
-    run = trace(scene, estimator=ANALYTIC)  # warm, like all others
-    return [_row(scene, "analytic", run.options, 0, [run.seconds["trace"]], name, [_measured(name, stack, scene)])
+    run = trace(setup, estimator=ANALYTIC)
+    stack = run.images(LineScan(setup.scene))
+    _measured(measures[0], stack, setup)
+    run = trace(setup, estimator=ANALYTIC)  # warm, like all others
+    return [_row(setup.scene, "analytic", run.options, 0, [run.seconds["trace"]], name, [_measured(name, stack, setup)])
             for name in measures]  # fmt: skip
 
 
-def _point(scene: Scene, device: Device, series: Series, rays: int, seeds: int) -> list[dict]:
+def _point(setup: Setup, device: Device, series: Series, rays: int, seeds: int) -> list[dict]:
     """One setting: a row for each method."""
     o, runs = series.options, []
     for seed in range(1, 1 + seeds):
-        runs.append(trace(scene, device=device, estimator=o.estimator, sampler=o.sampler, precision=o.precision,
+        runs.append(trace(setup, device=device, estimator=o.estimator, sampler=o.sampler, precision=o.precision,
                           smoothing=o.smoothing, rays_per_pixel=rays, replicates=1, seed=seed))  # fmt: skip
     seconds = [run.seconds["trace"] for run in runs]
     rows = []
     for name in series.measures:
         try:
-            found = [_measured(name, run.images(LineScan(scene)), scene) for run in runs]
+            found = [_measured(name, run.images(LineScan(setup.scene)), setup) for run in runs]
         except ValueError:  # too few rays: hardly any pixel has light
             continue
         if min(result.pixels_used / result.on_mirror.sum() for result, _ in found) < MIN_USED:
             continue
-        rows.append(_row(scene, series.kind, o, rays, seconds, name, found) | {"rays": runs[0].rays_total})
+        rows.append(_row(setup.scene, series.kind, o, rays, seconds, name, found) | {"rays": runs[0].rays_total})
     return rows
 
 
-def _measured(name: str, stack: ImageStack, scene: Scene) -> tuple[Reconstruction, float]:
+def _measured(name: str, stack: ImageStack, setup: Setup) -> tuple[Reconstruction, float]:
     started = time.perf_counter()
-    result = measure_by(name, stack, scene.nominal())
+    result = measure_by(name, stack, setup.nominal)
     return result, time.perf_counter() - started
 
 
@@ -198,12 +198,12 @@ def _exponents(series: Series, found: list[list[dict]]) -> list[dict]:
     return out
 
 
-def _rounding(scene: Scene, device: Device) -> float:
+def _rounding(setup: Setup, device: Device) -> float:
     """Height error in nm of single precision, for any number of rays; 0 if it cannot be determined."""
     options = TraceOptions("adjoint", "sobol", smoothing=True)
-    run = trace(scene, device=device, sampler="sobol", smoothing=True, rays_per_pixel=64, replicates=1)
-    result = measure_by("paper", run.images(LineScan(scene)), scene.nominal())
-    return rounding_height_nm(result, scene, options, device)
+    run = trace(setup, device=device, sampler="sobol", smoothing=True, rays_per_pixel=64, replicates=1)
+    result = measure_by("paper", run.images(LineScan(setup.scene)), setup.nominal)
+    return rounding_height_nm(result, setup, options, device)
 
 
 def seconds_of(point: dict) -> float:

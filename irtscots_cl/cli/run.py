@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 from irtscots_cl.cli.common import (
@@ -178,7 +179,8 @@ def _simulate(setup, options: argparse.Namespace, given: dict, keeper):
             check_precision_of_scene(setup, device, wanted["precision"], options.scene)
         if "client" in where:
             where["client"].call(check_precision_on, setup.scene.to_toml(), wanted["precision"], options.scene)
-        with Progress(quiet=options.quiet, estimate=lambda traced: outlook(traced, wanted["measure"])) as progress:
+        words = partial(outlook, measure=wanted["measure"], nominal=setup.nominal)
+        with Progress(quiet=options.quiet, estimate=words) as progress:
             return simulate(setup, progress=progress, finished=progress.finished, seed=options.seed,
                             parts=options.parts, keeper=keeper, **where, **wanted)  # fmt: skip
 

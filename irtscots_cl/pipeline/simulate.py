@@ -69,8 +69,11 @@ def simulate(
     return Run(transport, stack, result, comparison, separated, report)
 
 
-def outlook(traced: Transport | LineLight | PathLight, measure: str) -> str:
-    """What a trace of some replicates says of the error, in words; "" where it says nothing yet."""
+def outlook(traced: Transport | LineLight | PathLight, measure: str, nominal: Setup | None = None) -> str:
+    """What a trace of some replicates says of the error, in words; "" where it says nothing yet.
+
+    nominal: the set-up of the design, where it is there already.
+    """
     flux_w = traced.line_flux_w("x").sum((1, 2))
     if len(flux_w) < 2 or not flux_w.all():
         return ""
@@ -78,7 +81,7 @@ def outlook(traced: Transport | LineLight | PathLight, measure: str) -> str:
     stack = traced.images(LineScan(traced.scene))
     try:
         # refinement takes long, and leaves ray noise as it is
-        result = measure_by("fine" if measure == "refined" else measure, stack, traced.scene.nominal())
+        result = measure_by("fine" if measure == "refined" else measure, stack, nominal or traced.scene.nominal())
     except ValueError:  # too little light yet
         return words
     height_nm = predict_error(result, stack).height_mm * 1e6

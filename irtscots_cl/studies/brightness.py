@@ -10,6 +10,7 @@ from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.measurement.methods import measure_by
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.studies.drawing import maps
@@ -31,13 +32,14 @@ def study(traces: SharedTraces) -> StudyResult:
     scene = load_scene("sphere")
     transport = trace(scene, device=traces.device, estimator="adjoint", sampler="sobol", rays_per_pixel=RAYS,
                       replicates=1, seed=SEED, progress=traces.progress, keeper=traces.keeper)  # fmt: skip
-    even = _measured(transport, scene, None)
+    nominal = Setup(scene.nominal())
+    even = _measured(transport, nominal, None)
     random = np.random.default_rng(SEED)
     size = (DRAWS // 2 if traces.quick else DRAWS, *scene.screen.pixels[::-1])
     draws = list(1 + AMPLITUDE * random.uniform(-1, 1, size))
     linear = {f"linear, to {where}": _linear(scene, span) for where, span in ENDS.items()}
-    heights = {kind: [_difference(transport, scene, b, even)] for kind, b in linear.items()}
-    heights["random"] = [_difference(transport, scene, draw, even) for draw in draws]
+    heights = {kind: [_difference(transport, nominal, b, even)] for kind, b in linear.items()}
+    heights["random"] = [_difference(transport, nominal, draw, even) for draw in draws]
     rows = []
     for kind, found in heights.items():
         for terms in HEIGHT_TERMS:
@@ -75,13 +77,13 @@ def _linear(scene: Scene, beyond: int) -> np.ndarray:
     return np.broadcast_to(1 + AMPLITUDE * across, (rows, columns))
 
 
-def _measured(transport: Transport, scene: Scene, brightness: np.ndarray | None) -> Reconstruction:
-    return measure_by("paper", transport.images(LineScan(scene, brightness)), scene.nominal())
+def _measured(transport: Transport, nominal: Setup, brightness: np.ndarray | None) -> Reconstruction:
+    return measure_by("paper", transport.images(LineScan(transport.scene, brightness)), nominal)
 
 
-def _difference(transport: Transport, scene: Scene, brightness: np.ndarray, even: Reconstruction) -> np.ndarray:
+def _difference(transport: Transport, nominal: Setup, brightness: np.ndarray, even: Reconstruction) -> np.ndarray:
     """Height [rows, columns] in nm that the brightness adds."""
-    return 1e6 * (_measured(transport, scene, brightness).deviation_mm - even.deviation_mm)
+    return 1e6 * (_measured(transport, nominal, brightness).deviation_mm - even.deviation_mm)
 
 
 def _row(kind: str, terms: str, values: np.ndarray, scene: Scene):

@@ -11,6 +11,7 @@ from synthetic import small_scene
 
 from irtscots_cl.bench import accuracy, figures, tables
 from irtscots_cl.bench.accuracy import RAYS, default_series, mark_front, paper_runs, run_accuracy, seconds_of
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.system.atomic_files import plain
 from irtscots_cl.tracing.samplers import SAMPLERS
 
@@ -92,4 +93,4 @@ def test_tables_and_figure_show_everything(results, device):
 def test_so_few_rays_that_nothing_can_be_measured_give_no_point(device, monkeypatch):
     scene = small_scene()
     series = accuracy.Series("forward", accuracy.TraceOptions("forward"), (1,), ("paper",))
-    assert accuracy._point(scene, device, series, 1, 2) == []
+    assert accuracy._point(Setup(scene), device, series, 1, 2) == []
