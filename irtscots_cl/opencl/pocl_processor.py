@@ -8,13 +8,14 @@ in PoCL's own description of the device, before the first program is built.
 
 from __future__ import annotations
 
-import ctypes
 import os
 import struct
+from array import array
 from pathlib import Path
 
 import pyopencl as cl
 
+MEMORY = Path("/proc/self/mem")  # of this process
 UNKNOWN = b"generic\0"
 TRIPLE = b"x86_64-"  # PoCL keeps the target's triple just before the processor's name
 DESCRIPTION_BYTES = 2048  # of struct _cl_device_id that are searched; PoCL 3.0 has both at 632 and 640
@@ -26,17 +27,22 @@ PROCESSORS = (
     (b"x86-64", set()),
 )
 
-_names: list[ctypes.Array] = []  # PoCL keeps pointers to them as long as the process runs
+_names: list[array[int]] = []  # PoCL keeps pointers to them as long as the process runs
 
 
 def name_processor(device: cl.Device) -> None:
     """Give a PoCL device a processor's name that its compiler knows, if it has none. Other devices stay as they are."""
-    if device.platform.name.strip() != "Portable Computing Language" or not Path("/proc/self/mem").exists():
+    if device.platform.name.strip() != "Portable Computing Language" or not MEMORY.exists():
         return
-    place = _unknown_name(device.int_ptr)
-    if place is not None:
-        _names.append(ctypes.create_string_buffer(best_processor(Path("/proc/cpuinfo").read_text())))
-        ctypes.c_uint64.from_address(place).value = ctypes.addressof(_names[-1])
+    # Through the file an address that is none gives an error, no crash.
+    memory = os.open(MEMORY, os.O_RDWR)
+    try:
+        place = unknown_name(memory, device.int_ptr)
+        if place is not None:
+            _names.append(array("B", best_processor(Path("/proc/cpuinfo").read_text()) + b"\0"))
+            os.pwrite(memory, struct.pack("<Q", _names[-1].buffer_info()[0]), place)
+    finally:
+        os.close(memory)
 
 
 def best_processor(cpuinfo: str) -> bytes:
@@ -46,21 +52,16 @@ def best_processor(cpuinfo: str) -> bytes:
     return next(name for name, needed in PROCESSORS if needed <= flags)
 
 
-def _unknown_name(description: int) -> int | None:
+def unknown_name(memory: int, description: int) -> int | None:
     """Address of the pointer to "generic" in the device's description at this address; None if there is none.
 
-    Read through /proc/self/mem: an address that is none gives an error, no crash.
+    memory: MEMORY, open.
     """
-    memory = os.open("/proc/self/mem", os.O_RDONLY)
-    try:
-        words = struct.unpack(f"<{DESCRIPTION_BYTES // 8}Q", _read(memory, description, DESCRIPTION_BYTES))
-        for k in range(1, len(words)):
-            if _read(memory, words[k], len(UNKNOWN)) == UNKNOWN and _read(memory, words[k - 1], 7) == TRIPLE:
-                return description + 8 * k
-    except struct.error:  # less could be read
-        pass
-    finally:
-        os.close(memory)
+    read = _read(memory, description, DESCRIPTION_BYTES)
+    words = struct.unpack(f"<{len(read) // 8}Q", read[: len(read) // 8 * 8])
+    for k in range(1, len(words)):
+        if _read(memory, words[k], len(UNKNOWN)) == UNKNOWN and _read(memory, words[k - 1], len(TRIPLE)) == TRIPLE:
+            return description + 8 * k
     return None
 
 

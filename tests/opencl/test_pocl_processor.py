@@ -1,30 +1,45 @@
 """PoCL gets the name of a processor that its compiler knows."""
 
-import ctypes
+import os
+from array import array
 
-from irtscots_cl.opencl import pocl_processor
+import pytest
+
 from irtscots_cl.opencl.device import select_device
-from irtscots_cl.opencl.pocl_processor import best_processor
+from irtscots_cl.opencl.pocl_processor import DESCRIPTION_BYTES, MEMORY, best_processor, unknown_name
+
+pytestmark = pytest.mark.skipif(not MEMORY.exists(), reason="PoCL's wheel is for Linux")
+
+
+@pytest.fixture
+def memory():
+    file = os.open(MEMORY, os.O_RDONLY)
+    yield file
+    os.close(file)
 
 
 def description(triple: bytes, processor: bytes):
     """Memory laid out as a device's description: words that are no addresses, and two pointers to text."""
-    texts = [ctypes.create_string_buffer(text, 64) for text in (triple, processor)]
-    words = (ctypes.c_uint64 * (pocl_processor.DESCRIPTION_BYTES // 8))(*range(7, 40))
-    words[79], words[80] = (ctypes.addressof(text) for text in texts)
+    texts = [array("B", text.ljust(64, b"\0")) for text in (triple, processor)]
+    words = array("Q", [*range(7, 7 + DESCRIPTION_BYTES // 8)])
+    words[79], words[80] = (text.buffer_info()[0] for text in texts)
     return words, texts
 
 
-def test_an_unknown_name_is_found_beside_its_triple():
-    words, texts = description(b"x86_64-unknown-linux-gnu", b"generic")
-    address = ctypes.addressof(words)
-    assert pocl_processor._unknown_name(address) == address + 8 * 80
+def test_an_unknown_name_is_found_beside_its_triple(memory):
+    words, _texts = description(b"x86_64-unknown-linux-gnu", b"generic")
+    address = words.buffer_info()[0]
+    assert unknown_name(memory, address) == address + 8 * 80
 
 
-def test_a_known_name_and_another_text_are_left_alone():
+def test_a_known_name_and_another_text_are_left_alone(memory):
     for triple, processor in ((b"x86_64-unknown-linux-gnu", b"znver3"), (b"something", b"generic")):
-        words, texts = description(triple, processor)
-        assert pocl_processor._unknown_name(ctypes.addressof(words)) is None
+        words, _texts = description(triple, processor)
+        assert unknown_name(memory, words.buffer_info()[0]) is None
+
+
+def test_memory_that_cannot_be_read_holds_no_name(memory):
+    assert unknown_name(memory, 4096) is None
 
 
 def test_the_name_needs_every_instruction_set_that_it_stands_for():
@@ -35,6 +50,5 @@ def test_the_name_needs_every_instruction_set_that_it_stands_for():
     assert best_processor("processor : 0") == b"x86-64"
 
 
-def test_the_selected_device_keeps_no_unknown_name():
-    device = select_device()
-    assert pocl_processor._unknown_name(device.cl_device.int_ptr) is None
+def test_the_selected_device_keeps_no_unknown_name(memory):
+    assert unknown_name(memory, select_device().cl_device.int_ptr) is None
