@@ -22,6 +22,7 @@ from irtscots_cl.measurement.curve_windows import CurveWindows, line_pitch
 from irtscots_cl.optics.pixel.response import PixelResponse
 
 STEP = 0.05  # lines: for the profile's derivative by differences; its error of second order cancels in the place
+PROFILE_ERROR = 1e-3  # of a curve's peak: what the modelled profile may be wrong by, in its flanks too
 NEAR = 0.02  # lines: a shorter step of the fit leaves an error below 1e-4 lines
 ROUNDS = 4  # of moving the profile at most
 DIM = 0.02  # of a curve's peak: noise that grows with the light is taken to be at least that of so much light
@@ -38,27 +39,38 @@ class SampleNoise:
     per_light: float
 
     def variance(self, light: FloatArray) -> FloatArray:
-        """Variance [n, W] of samples with light [n, W]. Never 0: noise-free images get equal weights."""
-        peak = np.abs(light).max(1, initial=0.0)[:, None]
-        growing = self.per_light * np.maximum(light, DIM * peak)
-        # at least rounding errors of the images; a curve without light gets 1
-        least = np.where(peak > 0, (1e-5 * peak) ** 2, 1.0)
-        variance: FloatArray = np.maximum(self.floor[:, None] + growing, least)
-        return variance
+        """Variance [n, W] of samples with light [n, W]."""
+        growing: FloatArray = self.per_light * np.maximum(light, DIM * _peak(light))
+        return self.floor[:, None] + growing
+
+    def weight(self, light: FloatArray) -> FloatArray:
+        """Weights [n, W] of samples with light [n, W]: finite in images without noise too, and not too high in the
+        flanks, where the profile is wrong by as much as at the peak."""
+        peak = _peak(light)
+        least = np.where(peak > 0, (PROFILE_ERROR * peak) ** 2, 1.0)  # a curve without light: anything finite
+        weight: FloatArray = 1 / (self.variance(light) + least)
+        return weight
+
+    def part(self, chosen: IntArray) -> SampleNoise:
+        """The noise of some of the pixels."""
+        return SampleNoise(self.floor[chosen], self.per_light)
+
+
+def _peak(light: FloatArray) -> FloatArray:
+    peak: FloatArray = np.abs(light).max(1, initial=0.0)[:, None]
+    return peak
 
 
 @dataclass(frozen=True)
 class CurveFits:
-    """Fits of n curves. place_mm, error_mm: [n] the light's centroid and its standard error; NaN where it has none.
+    """Fits of n curves. place_mm: [n] the light's centroid; NaN where it has none.
 
     flux, level, slope: [n] of the light and of the background. modelled: [n, W] light of the window's samples without
     background; residual: [n, W] samples minus the whole model, 0 where none is allowed. chi_square, freedom: [n] of the
-    residuals. bound_mm: [n] Cramer-Rao bound of the samples. derivative: [n, W] of the modelled light by place [1/mm].
+    residuals. derivative: [n, W] of the modelled light by place [1/mm].
     """
 
     place_mm: FloatArray
-    error_mm: FloatArray
-    bound_mm: FloatArray
     flux: FloatArray
     level: FloatArray
     slope: FloatArray
@@ -148,7 +160,7 @@ def _weights(
     bright = np.einsum("nw,nw->n", light * part.allowed, part.samples - level[:, None])
     with np.errstate(invalid="ignore", divide="ignore"):
         flux = np.nan_to_num(bright / (light**2 * part.allowed).sum(1))
-    return part.allowed / SampleNoise(noise.floor[index], noise.per_light).variance(flux[:, None] * light)
+    return part.allowed * noise.part(index).weight(flux[:, None] * light)
 
 
 def _outside_level(part: CurveWindows) -> FloatArray:
@@ -178,11 +190,55 @@ def _normal(
     normal = np.einsum("nwi,nwj->nij", weighted, columns, optimize=True)
     right = np.einsum("nwi,nw->ni", weighted, part.samples, optimize=True)
     count, t, t2, y, ty, _ = part.outside
-    # noise-free images: the background is known as well as the light
-    outside = 1 / np.maximum(floor, 1 / np.maximum(weight.max(1, initial=0.0), 1e-300))
-    normal[:, 2:, 2:] += np.stack([np.stack([count, t], -1), np.stack([t, t2], -1)], -1) * outside[:, None, None]
+    outside = _outside_weight(weight, floor)
+    normal[:, 2:, 2:] += _outside_moments(part) * outside[:, None, None]
     right[:, 2:] += np.stack([y, ty], -1) * outside[:, None]
     return normal, right
+
+
+def _outside_weight(weight: FloatArray, floor: FloatArray) -> FloatArray:
+    """Weight [m] of the samples outside: in noise-free images as high as the highest inside."""
+    outside: FloatArray = 1 / np.maximum(floor, 1 / np.maximum(weight.max(1, initial=0.0), 1e-300))
+    return outside
+
+
+def _outside_moments(part: CurveWindows) -> FloatArray:
+    count, t, t2, *_ = part.outside
+    return np.stack([np.stack([count, t], -1), np.stack([t, t2], -1)], -1)
+
+
+def covariances(
+    windows: CurveWindows, fits: CurveFits, noise: SampleNoise, inverse: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Standard errors [n] in mm of the fitted places, and their Cramer-Rao bounds.
+
+    The weights differ from the noise's own where PROFILE_ERROR limits them, so the error is that of the weighted fit;
+    the bound is that of the best weights.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        columns = np.nan_to_num(
+            _columns(windows, fits.modelled / fits.flux[:, None], fits.derivative / fits.flux[:, None])
+        )
+    variance, weight = noise.variance(fits.modelled), windows.allowed * noise.weight(fits.modelled)
+    weighted = columns * (weight**2 * variance)[..., None]
+    spread = np.einsum("nwi,nwj->nij", weighted, columns, optimize=True)
+    moments = _outside_moments(windows)
+    spread[:, 2:, 2:] += moments * (_outside_weight(weight, noise.floor) ** 2 * noise.floor)[:, None, None]
+    tilted = inverse[:, 3, :3].any(1)
+    row = np.where(tilted[:, None] | (np.arange(4) < 3), inverse[:, 1], 0.0)
+    with np.errstate(invalid="ignore"):
+        error = np.sqrt(np.einsum("ni,nij,nj->n", row, spread, row)) / fits.flux
+    known = variance > 0
+    best = windows.allowed / np.where(known, variance, np.inf)
+    normal, _ = _normal(windows, columns, best, noise.floor)
+    free = ~tilted
+    normal[free, 3, :] = normal[free, :, 3] = 0.0
+    normal[free, 3, 3] = 1.0
+    scale = np.sqrt(np.maximum(np.einsum("nii->ni", normal), 1e-300))
+    scaled = normal / (scale[:, :, None] * scale[:, None, :]) + 1e-13 * np.eye(4)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bound = np.sqrt(np.linalg.inv(np.nan_to_num(scaled))[:, 1, 1]) / scale[:, 1] / fits.flux
+    return error, np.where(best.any(1), bound, 0.0)
 
 
 def _fits(
@@ -201,19 +257,16 @@ def _fits(
     background = level[:, None] + slope[:, None] * (windows.lines - windows.middle)
     residual = np.where(windows.allowed, windows.samples - light - moved - background, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        error = np.sqrt(inverse[:, 1, 1]) / np.abs(flux)
-        chi_square = (residual**2 / noise.variance(light)).sum(1)
+        chi_square = (residual**2 * noise.weight(light)).sum(1)
     # a fit that has left the samples fits noise
     found = np.isfinite(place) & (flux > 0) & ((share * windows.allowed).sum(1) >= COVERED)
     light, by_place = np.where(found[:, None], light, 0.0), np.where(found[:, None], by_place, 0.0)
     residual = np.where(found[:, None], residual, 0.0)
     return CurveFits(
         place_mm=np.where(found, place, np.nan),
-        error_mm=np.where(found, error, np.nan),
-        bound_mm=np.where(found, error, np.nan),
         flux=np.where(found, flux, np.nan),
-        level=level,
-        slope=slope,
+        level=np.where(found, level, np.nan),
+        slope=np.where(found, slope, np.nan),
         modelled=np.nan_to_num(light),
         derivative=np.nan_to_num(flux[:, None] * by_place * gain) * windows.allowed,
         residual=np.nan_to_num(residual),
@@ -229,7 +282,7 @@ def relinearised(
     with np.errstate(invalid="ignore", divide="ignore"):
         columns = _columns(windows, fits.modelled / fits.flux[:, None], fits.derivative / fits.flux[:, None])
     columns = np.nan_to_num(columns)
-    weight = windows.allowed / noise.variance(fits.modelled)
+    weight = windows.allowed * noise.weight(fits.modelled)
     _, here = _normal(windows, columns, weight, noise.floor)
     _, there = _normal(other, columns, weight, noise.floor)
     change = np.einsum("nij,nj->ni", inverse, there - here)

@@ -52,13 +52,12 @@ def check_frames(
     background = fits.level[known, None] + fits.slope[known, None] * (lines - windows.middle)
     light = np.where(windows.allowed[known], windows.samples[known] - background, 0.0)
     model = fits.modelled[known]
-    variance = SampleNoise(noise.floor[known], noise.per_light).variance(model)
     # every hypothesis is judged on the same samples: those with a model for all of them
     width = model.shape[1]
     inner = windows.allowed[known].copy()
     inner[:, :SHIFTS] = inner[:, width - SHIFTS :] = False
     frame = np.clip(lines, 0, count - 1)
-    weight = inner / variance
+    weight = inner * noise.part(np.flatnonzero(known)).weight(model)
     own = _sums(frame, weight * light * light, count)
     pixels = _sums(frame, inner, count)
     expected = _sums(frame, weight * model * model, count)

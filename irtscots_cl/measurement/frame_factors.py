@@ -100,8 +100,7 @@ def _stacked(sides: tuple[tuple[ScanFit, IntArray], ...]) -> tuple[FloatArray, F
         fits, windows = scan.fits, scan.windows.part(index)
         own = fits.flux[index, None]
         light = fits.modelled[index] / own
-        deviation = np.sqrt(SampleNoise(scan.noise.floor[index], scan.noise.per_light).variance(light * own))
-        weight = windows.allowed / deviation
+        weight = windows.allowed * np.sqrt(scan.noise.part(index).weight(light * own))
         gained.append(flux * light * weight)
         residual.append((fits.residual[index] + (own - flux) * light) * weight)
         column = np.zeros((*light.shape, 3))

@@ -25,8 +25,8 @@ MEASURES = {
     "paper": Measure(),  # plain centroids and Southwell's integration, as in the paper
     "fine": Measure("chord", "cubic", pixel_average=False),
     "refined": Measure("chord", "cubic", pixel_average=False, rounds=4),
-    "windowed": Measure("windowed", "cubic", pixel_average=False),
-    "likelihood": Measure("likelihood", "cubic", pixel_average=False),
+    "windowed": Measure("windowed", "cubic", pixel_average=False, rounds=2),
+    "likelihood": Measure("likelihood", "cubic", pixel_average=False, rounds=2),
 }
 
 

@@ -21,6 +21,7 @@ from irtscots_cl.measurement.curve_fit import (
     Profiles,
     SampleNoise,
     centroid_fits,
+    covariances,
     fit_profiles,
     relinearised,
 )
@@ -29,6 +30,7 @@ from irtscots_cl.measurement.frame_checks import FrameChecks, check_frames
 from irtscots_cl.measurement.frame_factors import FALSE_ALARM, ScanFit, frame_gains
 from irtscots_cl.measurement.light_curves import EDGE_TOLERANCE, STRAY_SHARE, Flag
 from irtscots_cl.measurement.sample_noise import dark_noise, noise_with_light
+from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.optics.setup import Setup
 
 CHUNK = 2**16  # curves handled at a time, so that large images need little more memory than their own
@@ -66,23 +68,26 @@ class ScanEstimate:
     tilted: bool
 
 
-def estimate_centroids(stack: ImageStack, setup: Setup, way: str) -> tuple[ScanEstimate, ScanEstimate]:
+def estimate_centroids(
+    stack: ImageStack, setup: Setup, way: str, light: PixelResponse | None = None
+) -> tuple[ScanEstimate, ScanEstimate]:
     """Centroids of the light in both scans of a stack.
 
-    setup: of the design. way: "likelihood" (the design's profile moved to the samples: least noise) or "windowed" (the
+    setup: of the design. light: the pixels' light of a better model of the mirror; None: of the design. way: "likelihood" (the design's profile moved to the samples: least noise) or "windowed" (the
     signed samples' centroid in the window that the geometry allows; no profile). Pixels without a profile from the
     design get the windowed centroid in both.
     """
-    sides = [_Side(scan, setup) for scan in (stack.x, stack.y)]
+    sides = [_Side(scan, setup, light or setup.pixel_response) for scan in (stack.x, stack.y)]
     for side in sides:
         side.fit()
         for _ in range(FRAME_ROUNDS):
             if not side.leave_out_wrong_frames():
                 break
             side.fit()
-    for _ in range(GAIN_ROUNDS):
+    for k in range(GAIN_ROUNDS):
         gains = frame_gains(*(side.for_gains() for side in sides))
-        if gains.chance > FALSE_ALARM:
+        # the fits that a first correction starts from know nothing of gains: a second one completes it
+        if gains.chance > FALSE_ALARM and k != 1:
             break
         for side, change in zip(sides, (gains.x, gains.y), strict=True):
             side.gain *= change
@@ -93,7 +98,7 @@ def estimate_centroids(stack: ImageStack, setup: Setup, way: str) -> tuple[ScanE
 class _Side:
     """One scan on the way to its estimate."""
 
-    def __init__(self, scan: Scan, setup: Setup):
+    def __init__(self, scan: Scan, setup: Setup, light: PixelResponse):
         half_width, box_row, box_column = setup.chief_rays.light_shape("xy".index(scan.axis))
         reach = (half_width + (box_row + box_column) / 2).ravel()[scan.pixels]
         seen = setup.chief_rays.sees_mirror.ravel()[scan.pixels] & np.isfinite(reach)
@@ -112,7 +117,7 @@ class _Side:
             full = (scan.flux_w >= scan.saturation_w).any(0)
             self.saturated = full.any(1)
             self.curves = np.where(full, np.nan, self.curves)
-        self.profiles = Profiles(scan, setup.pixel_response)
+        self.profiles = Profiles(scan, light)
         count = len(scan.positions_mm)
         self.usable, self.gain, self.offset = np.ones(count, bool), np.ones(count), np.zeros(count)
         self.shows = np.arange(count)
@@ -284,7 +289,8 @@ class _Side:
             other = self._windows(left)
             change = relinearised(fits, windows, self.noise, self.inverse, other)
             replicates.append(np.where(use, change, self._centroids(other)[0]))
-        error = np.where(use, fits.error_mm, error)
+        fitted, bound = covariances(windows, fits, self.noise, self.inverse)
+        error = np.where(use, fitted, error)
         flux = np.where(use, fits.flux, flux)
         frames = getattr(self, "frames", None) or check_frames(
             self.scan, windows, fits, self.noise, np.zeros(len(self.gain), np.int64)
@@ -293,7 +299,7 @@ class _Side:
             scan=self.scan,
             centroid_mm=np.stack([place, *replicates]),
             error_mm=error,
-            bound_mm=fits.bound_mm,
+            bound_mm=bound,
             flags=self._flags(place, flux),
             flux=flux,
             level=fits.level,
