@@ -112,12 +112,17 @@ def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
         yield {"client": DaskExecutor(client)}
 
 
-def add_measure(parser: argparse.ArgumentParser) -> None:
+LAB_MEASURE = "likelihood"  # methods.BEST, without NumPy
+
+
+def add_measure(parser: argparse.ArgumentParser, default: str = "paper") -> None:
     parser.add_argument(
         "--measure",
         metavar="M",
-        help="how images become heights: paper (plain centroids, trapezoids), fine (light-curve model, cubics, no "
-        "averaging over pixels) or refined (fine, then refined by a model of the test); default paper",
+        help="how images become heights. Without noise and background: paper (plain centroids, trapezoids), fine "
+        "(light-curve model, cubics, no averaging over pixels) or refined (fine, then refined by a model of the test). "
+        "With both: likelihood (the modelled light curve moved to the samples by maximum likelihood, refined) or "
+        f"windowed (signed centroids where the light can be, refined); default {default}",
     )
 
 

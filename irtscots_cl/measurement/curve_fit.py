@@ -27,7 +27,7 @@ NEAR = 0.02  # lines: a shorter step of the fit leaves an error below 1e-4 lines
 ROUNDS = 4  # of moving the profile at most
 DIM = 0.02  # of a curve's peak: noise that grows with the light is taken to be at least that of so much light
 BEYOND = 1.1  # half-extents of a pixel's light that hold all of it
-COVERED = 0.5  # least share of a pixel's light that the allowed samples must see
+COVERED = 0.5  # least share of a pixel's light that its window must hold
 MIN_SAMPLES = 3  # with light: for place and flux, and one more
 
 
@@ -176,7 +176,7 @@ def _solve(
     if not tilted:
         normal[:, 3, :] = normal[:, :, 3] = 0.0
         normal[:, 3, 3], right[:, 3] = 1.0, 0.0
-    scale = np.sqrt(np.maximum(np.einsum("nii->ni", normal), 1e-300))
+    scale = np.sqrt(np.maximum(np.einsum("nii->ni", normal), 1e-200))
     scaled = normal / (scale[:, :, None] * scale[:, None, :])
     scaled += 1e-13 * np.eye(4)  # a curve with too few samples must not stop the others
     inverse = np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :])
@@ -189,7 +189,7 @@ def _normal(
     weighted = columns * weight[..., None]
     normal = np.einsum("nwi,nwj->nij", weighted, columns, optimize=True)
     right = np.einsum("nwi,nw->ni", weighted, part.samples, optimize=True)
-    count, t, t2, y, ty, _ = part.outside
+    y, ty = part.outside[3:5]
     outside = _outside_weight(weight, floor)
     normal[:, 2:, 2:] += _outside_moments(part) * outside[:, None, None]
     right[:, 2:] += np.stack([y, ty], -1) * outside[:, None]
@@ -197,8 +197,8 @@ def _normal(
 
 
 def _outside_weight(weight: FloatArray, floor: FloatArray) -> FloatArray:
-    """Weight [m] of the samples outside: in noise-free images as high as the highest inside."""
-    outside: FloatArray = 1 / np.maximum(floor, 1 / np.maximum(weight.max(1, initial=0.0), 1e-300))
+    """Weight [m] of the samples outside: in images without dark noise as high as the highest inside."""
+    outside: FloatArray = np.where(floor > 0, 1 / np.where(floor > 0, floor, 1.0), weight.max(1, initial=0.0))
     return outside
 
 
@@ -224,7 +224,7 @@ def covariances(
     spread = np.einsum("nwi,nwj->nij", weighted, columns, optimize=True)
     moments = _outside_moments(windows)
     spread[:, 2:, 2:] += moments * (_outside_weight(weight, noise.floor) ** 2 * noise.floor)[:, None, None]
-    tilted = inverse[:, 3, :3].any(1)
+    tilted = np.asarray(inverse[:, 3, :3].any(1))
     row = np.where(tilted[:, None] | (np.arange(4) < 3), inverse[:, 1], 0.0)
     with np.errstate(invalid="ignore"):
         error = np.sqrt(np.einsum("ni,nij,nj->n", row, spread, row)) / fits.flux
@@ -234,7 +234,7 @@ def covariances(
     free = ~tilted
     normal[free, 3, :] = normal[free, :, 3] = 0.0
     normal[free, 3, 3] = 1.0
-    scale = np.sqrt(np.maximum(np.einsum("nii->ni", normal), 1e-300))
+    scale = np.sqrt(np.maximum(np.einsum("nii->ni", normal), 1e-200))
     scaled = normal / (scale[:, :, None] * scale[:, None, :]) + 1e-13 * np.eye(4)
     with np.errstate(invalid="ignore", divide="ignore"):
         bound = np.sqrt(np.linalg.inv(np.nan_to_num(scaled))[:, 1, 1]) / scale[:, 1] / fits.flux
@@ -259,7 +259,7 @@ def _fits(
     with np.errstate(invalid="ignore", divide="ignore"):
         chi_square = (residual**2 * noise.weight(light)).sum(1)
     # a fit that has left the samples fits noise
-    found = np.isfinite(place) & (flux > 0) & ((share * windows.allowed).sum(1) >= COVERED)
+    found = np.isfinite(place) & (flux > 0) & (share.sum(1) >= COVERED)
     light, by_place = np.where(found[:, None], light, 0.0), np.where(found[:, None], by_place, 0.0)
     residual = np.where(found[:, None], residual, 0.0)
     return CurveFits(
@@ -287,7 +287,8 @@ def relinearised(
     _, there = _normal(other, columns, weight, noise.floor)
     change = np.einsum("nij,nj->ni", inverse, there - here)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return fits.place_mm + change[:, 1] / (fits.flux + change[:, 0])
+        place: FloatArray = fits.place_mm + change[:, 1] / (fits.flux + change[:, 0])
+        return place
 
 
 def centroid_fits(
@@ -298,7 +299,6 @@ def centroid_fits(
     The background comes from the samples outside alone. A curve that misses a sample in its window gets NaN: its
     centroid would be wrong.
     """
-    count, t, t2, y, ty, _ = windows.outside
     level, slope, level_variance, slope_variance, covariance = _background(windows, tilted)
     lines = windows.lines - windows.middle
     with np.errstate(invalid="ignore", divide="ignore"):

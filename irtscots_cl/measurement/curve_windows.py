@@ -89,7 +89,8 @@ def place_windows(
 ) -> CurveWindows:
     """Windows around the places [n] (fractional line numbers) of the light of curves [n, window].
 
-    widest_mm: largest reach of all curves of the scan, so that the windows of each part are equally wide. A simulated scan stores few lines of each curve: all other lines are recorded, and dark.
+    widest_mm: largest reach of all curves of the scan, so that the windows of each part are equally wide. A simulated
+    scan stores few lines of each curve: all other lines are recorded, and dark.
     """
     half = np.nan_to_num(reach_mm / line_pitch(scan), nan=1.0, posinf=1.0) + 0.5 + MARGIN
     width = 2 * int(np.ceil(widest_mm / line_pitch(scan) + 0.5 + MARGIN)) + 1

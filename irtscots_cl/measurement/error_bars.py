@@ -55,8 +55,9 @@ def error_bars(result: Reconstruction, seed: int = 0) -> ErrorBars | None:
         slopes = [np.where(mask, by_u * u + by_v * v, 0.0) for by_u, by_v in ((x_by_u, x_by_v), (y_by_u, y_by_v))]
         if not result.pixel_average:
             slopes = [deconvolve_pixel(slope, mask) for slope in slopes]
+        x, y = slopes
         squares += [np.sum(slope**2, axis=0) for slope in slopes]
-        draws.append(integrate_slopes(result.x_mm, result.y_mm, *slopes, mask, result.method))
+        draws.append(integrate_slopes(result.x_mm, result.y_mm, x, y, mask, result.method))
     heights = np.concatenate(draws)
     bare = np.stack([remove_terms(result.x_mm, result.y_mm, h, mask, "piston_tilt") for h in heights])
     slope_x, slope_y = np.where(mask, np.sqrt(squares / count), np.nan)

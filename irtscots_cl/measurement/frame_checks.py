@@ -61,7 +61,7 @@ def check_frames(
     own = _sums(frame, weight * light * light, count)
     pixels = _sums(frame, inner, count)
     expected = _sums(frame, weight * model * model, count)
-    misfit = np.full((2 * SHIFTS + 2, count), np.inf)
+    misfit = np.full((2 * SHIFTS + 1, count), np.inf)
     ratio = np.full(count, np.nan)
     for k, shift in enumerate(range(-SHIFTS, SHIFTS + 1)):
         shown = np.roll(model, -shift, axis=1)
@@ -72,7 +72,7 @@ def check_frames(
         misfit[k] = own - 2 * np.maximum(gain, 0.0) * along + np.maximum(gain, 0.0) ** 2 * power
         if shift == 0:
             ratio = np.where(expected > SIGMAS**2, gain, np.nan)
-    best = np.argmin(misfit[:-1], axis=0)
+    best = np.argmin(misfit, axis=0)
     here = misfit[SHIFTS]
     with np.errstate(invalid="ignore"):
         other = (misfit[best, np.arange(count)] < BETTER * here) & (expected > SIGMAS**2) & (pixels >= MIN_PIXELS)
@@ -85,6 +85,6 @@ def check_frames(
     return FrameChecks(shows, ratio, np.where(pixels > 1, chi_square, np.nan))
 
 
-def _sums(frame: IntArray, values: FloatArray, count: int) -> FloatArray:
+def _sums(frame: IntArray, values: FloatArray | BoolArray, count: int) -> FloatArray:
     summed: FloatArray = np.bincount(frame.ravel(), np.asarray(values, float).ravel(), count)
     return summed

@@ -87,7 +87,8 @@ def frame_gains(x: ScanFit, y: ScanFit) -> FrameGains:
         spread = covariance[np.ix_(lit, lit)] + MODEL_ERROR**2 * np.eye(int(lit.sum()))
         chance = float(chi2.sf(change[lit] @ np.linalg.solve(spread, change[lit]), int(lit.sum())))
     of_x, of_y = np.split(np.clip(1 + change, *LIMITS), [x.lines])
-    return FrameGains(of_x, of_y, *np.split(deviation, [x.lines]), chance)
+    error_x, error_y = np.split(deviation, [x.lines])
+    return FrameGains(of_x, of_y, error_x, error_y, chance)
 
 
 def _stacked(sides: tuple[tuple[ScanFit, IntArray], ...]) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:

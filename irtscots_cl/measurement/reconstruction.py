@@ -21,8 +21,8 @@ from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 
 MIN_PIXELS = 4  # to separate piston, tilt and power
-# "centroid": of all samples with light (paper, Eq. 4); "chord": that, corrected by the profile of the design; "windowed"
-# and "likelihood": of signed samples, with noise and background (scan_estimates.py).
+# "centroid": of all samples with light (paper, Eq. 4); "chord": that, corrected by the profile of the design;
+# "windowed" and "likelihood": of signed samples, with noise and background (scan_estimates.py).
 LIGHT_CURVES = ("centroid", "chord", "windowed", "likelihood")
 SIGNED = ("windowed", "likelihood")
 Pair = tuple[FloatArray, FloatArray]  # along x and along y
@@ -38,8 +38,8 @@ class Reconstruction:
     centroid_y_mm: in the screen's frame. slope_x, slope_y [rad]: of the whole surface. height_mm: design plus
     deviation; deviation_mm: from the design, zero mean over the mask. light_curve, method, pixel_average: arguments of
     reconstruct. updates_nm: rms change of each round of refinement. jackknife_*: [replicates, rows, columns], the same
-    maps with one replicate left out in turn, for error bars. estimates_of_scans: of the x and the y scan, for "windowed"
-    and "likelihood": error bars of the centroids, gains of the frames, chi-square, ...
+    maps with one replicate left out in turn, for error bars. estimates_of_scans: of the x and the y scan, for
+    "windowed" and "likelihood": error bars of the centroids, gains of the frames, chi-square, ...
     """
 
     setup: Setup = field(repr=False)
@@ -96,6 +96,7 @@ def reconstruct(
     pixel_average: bool = True,
     min_coverage: float = 0.5,
     threshold: float = 0.0,
+    estimates: tuple[ScanEstimate, ScanEstimate] | None = None,
 ) -> Reconstruction:
     """Measure the surface from line-scan images and the design scene only.
 
@@ -105,7 +106,8 @@ def reconstruct(
     "likelihood" use signed samples, with noise and background (scan_estimates.py); no threshold. method: of
     integrate_slopes. pixel_average: true to use the measured slopes, which are means over the pixels; false to convert
     them to the pixels' centres (slopes.deconvolve_pixel). min_coverage: smallest share of a pixel's footprint that must
-    lie on the mirror. threshold: see light_curves.effective_screen_pixels.
+    lie on the mirror. threshold: see light_curves.effective_screen_pixels. estimates: of both scans of this stack by
+    this way, where they are there already.
 
     Raises ValueError if the stack does not match the scene or fewer than MIN_PIXELS pixels can be used.
     """
@@ -114,9 +116,11 @@ def reconstruct(
     setup = Setup.of(nominal)
     chief = setup.chief_rays
     _check_fits(stack, chief)
-    estimates = estimate_centroids(stack, setup, light_curve) if light_curve in SIGNED else None
+    if estimates is None and light_curve in SIGNED:
+        estimates = estimate_centroids(stack, setup, light_curve)
     if estimates:
-        (centroid_x, flag_x), (centroid_y, flag_y) = (_estimated(setup, estimate, light_curve) for estimate in estimates)
+        centroid_x, flag_x = _estimated(setup, estimates[0], light_curve)
+        centroid_y, flag_y = _estimated(setup, estimates[1], light_curve)
     else:
         centroid_x, flag_x = _measured(setup, stack.x, light_curve, threshold)
         centroid_y, flag_y = _measured(setup, stack.y, light_curve, threshold)

@@ -87,7 +87,9 @@ def _round(result: Reconstruction, stack: ImageStack, fit: FloatArray) -> Recons
     means = light.means("uv")
     model = [np.full(mask.shape, np.nan) for _ in "uv"]
     residual = []
-    estimates = estimate_centroids(stack, result.setup, result.light_curve, light) if result.estimates_of_scans else None
+    estimates = None
+    if result.estimates_of_scans:
+        estimates = estimate_centroids(stack, result.setup, result.light_curve, light)
     for k, (on_grid, mean, scan) in enumerate(zip(model, means, (stack.x, stack.y), strict=True)):
         on_grid.ravel()[pixels] = mean
         differ = np.full((1 + len(result.jackknife_slope_x), mask.size), np.nan)
@@ -97,8 +99,8 @@ def _round(result: Reconstruction, stack: ImageStack, fit: FloatArray) -> Recons
             differ[:, estimates[k].scan.pixels] = estimates[k].centroid_mm
             differ -= on_grid.ravel()
         else:
-            there = estimates[k].scan
-            differ[:, there.pixels] = estimates[k].centroid_mm - sampled_centroids(there, light)
+            of_scan = estimates[k].scan
+            differ[:, of_scan.pixels] = estimates[k].centroid_mm - sampled_centroids(of_scan, light)
         residual.append(differ.reshape(-1, *mask.shape))
     surface = chief.surface
     height = surface.sag(result.x_mm, result.y_mm)

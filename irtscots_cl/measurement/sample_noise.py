@@ -42,7 +42,7 @@ def dark_noise(windows: CurveWindows, tilted: bool) -> FloatArray:
 def noise_with_light(
     windows: CurveWindows, fits: CurveFits, floor: FloatArray, scatter: FloatArray | None = None
 ) -> SampleNoise:
-    """The noise with its growth by light. scatter: [n, W] variance of the mean of several exposures, where there are."""
+    """The noise with its growth by light. scatter: [n, W] variance of the mean of several exposures; None for one."""
     light = np.maximum(fits.modelled, 0.0)
     if scatter is None:
         inside = windows.allowed.sum(1)

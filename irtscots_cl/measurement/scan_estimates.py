@@ -17,7 +17,6 @@ from scipy.stats import chi2
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.curve_fit import (
-    CurveFits,
     Profiles,
     SampleNoise,
     centroid_fits,
@@ -38,6 +37,8 @@ FRAME_ROUNDS = 3  # of leaving out wrong frames and fitting again
 GAIN_ROUNDS = 6  # of finding gains and fitting again
 DARK = 1e-3  # of a typical peak: light outside the windows that is none, in images without noise
 STRAY_SIGMAS = 6.0  # light outside a window that noise makes once in 1e9 curves
+BINS = 4  # per line, of distances from the centroid
+BIN_SAMPLES = 50  # least number for a mean
 DETECTED = 5.0  # standard errors of a curve's light: less is none
 
 
@@ -48,7 +49,8 @@ class ScanEstimate:
     centroid_mm: [1 + replicates, n] of the light: all exposures, then each left out in turn. error_mm: [n] standard
     error of the first, bound_mm: [n] the Cramer-Rao bound of the samples. flags: [n] light_curves.Flag. flux: [n];
     level: [n] background. chi_square: [n] reduced, of the curve against the design's profile. modelled: [n] whether the
-    design's profile was used. gain, offset: [L] of the frames. frames: what each shows. tilted: whether the background
+    design's profile was used. profile_error: largest mean difference of the curves from the modelled profile, in peaks;
+    NaN where too few tell. gain, offset: [L] of the frames. frames: what each shows. tilted: whether the background
     has a slope over the scan.
     """
 
@@ -66,6 +68,7 @@ class ScanEstimate:
     offset: FloatArray = field(repr=False)
     frames: FrameChecks = field(repr=False)
     tilted: bool
+    profile_error: float
 
 
 def estimate_centroids(
@@ -73,9 +76,10 @@ def estimate_centroids(
 ) -> tuple[ScanEstimate, ScanEstimate]:
     """Centroids of the light in both scans of a stack.
 
-    setup: of the design. light: the pixels' light of a better model of the mirror; None: of the design. way: "likelihood" (the design's profile moved to the samples: least noise) or "windowed" (the
-    signed samples' centroid in the window that the geometry allows; no profile). Pixels without a profile from the
-    design get the windowed centroid in both.
+    setup: of the design. light: the pixels' light of a better model of the mirror; None: of the design. way:
+    "likelihood" (the design's profile moved to the samples: least noise) or "windowed" (the signed samples' centroid
+    in the window that the geometry allows; no profile). Pixels without a profile from the design get the windowed
+    centroid in both.
     """
     sides = [_Side(scan, setup, light or setup.pixel_response) for scan in (stack.x, stack.y)]
     for side in sides:
@@ -111,17 +115,18 @@ class _Side:
                 hits=scan.hits[seen],
             )
         self.scan, self.reach = scan, reach[seen]
-        self.curves = scan.flux_w[0] if len(scan.weights) == 1 else scan.mean_w()
+        self.curves = self.bright = scan.flux_w[0] if len(scan.weights) == 1 else scan.mean_w()
         self.saturated = np.zeros(len(self.curves), bool)
         if np.isfinite(scan.saturation_w):
             full = (scan.flux_w >= scan.saturation_w).any(0)
-            self.saturated = full.any(1)
+            self.saturated = np.asarray(full.any(1))
             self.curves = np.where(full, np.nan, self.curves)
         self.profiles = Profiles(scan, light)
         count = len(scan.positions_mm)
         self.usable, self.gain, self.offset = np.ones(count, bool), np.ones(count), np.zeros(count)
         self.shows = np.arange(count)
         self.tilted = False
+        self.exposures: FloatArray | None = None
         self.place_mm = self._place(self._windows())
 
     def _chunks(self) -> Iterator[slice]:
@@ -151,15 +156,16 @@ class _Side:
         for chosen in self._chunks():
             reach = self.reach[chosen]
             if curves is None:
-                scan, values = self._part(chosen, self.curves)
+                scan, values = self._part(chosen, self.bright)  # also of saturated samples: they are where the light is
                 self.places[chosen] = find_light(scan, values, reach, self.usable)
-            else:
-                scan, values = self._part(chosen, curves)
+            scan, values = self._part(chosen, self.curves if curves is None else curves)
             parts.append(place_windows(scan, values, self.places[chosen], reach, self.usable, widest))
         windows = CurveWindows(
-            *(np.concatenate([getattr(p, name) for p in parts]) for name in ("first", "allowed", "samples")),
-            np.concatenate([p.outside for p in parts], axis=1),
-            parts[0].middle,
+            first=np.concatenate([p.first for p in parts]),
+            allowed=np.concatenate([p.allowed for p in parts]),
+            samples=np.concatenate([p.samples for p in parts]),
+            outside=np.concatenate([p.outside for p in parts], axis=1),
+            middle=parts[0].middle,
         )
         if curves is None:
             self.windows = windows
@@ -210,7 +216,7 @@ class _Side:
         count = len(self.scan.weights)
         if count == 1:
             return None
-        if not hasattr(self, "exposures"):
+        if self.exposures is None:
             samples = np.stack([self._windows(flux).samples for flux in self.scan.flux_w])
             self.exposures = samples.var(0, ddof=1) / count
         return self.exposures
@@ -230,8 +236,7 @@ class _Side:
             return False
         self.offset += offset
         self.place_mm = self._place(self._windows())
-        if hasattr(self, "exposures"):
-            del self.exposures
+        self.exposures = None
         return True
 
     def _dark_light_of_frames(self) -> tuple[FloatArray, IntArray]:
@@ -269,7 +274,8 @@ class _Side:
         scan = self.scan
         with np.errstate(invalid="ignore"):
             whole = self._beyond() <= 0
-        return ScanFit(scan.pixels, whole & ~self.saturated, self.windows, self.noise, self.fits, len(scan.positions_mm))
+        whole &= ~self.saturated
+        return ScanFit(scan.pixels, whole, self.windows, self.noise, self.fits, len(scan.positions_mm))
 
     def _beyond(self) -> FloatArray:
         """How far [n] each pixel's light extends past the first or last line, in lines; negative inside."""
@@ -292,9 +298,6 @@ class _Side:
         fitted, bound = covariances(windows, fits, self.noise, self.inverse)
         error = np.where(use, fitted, error)
         flux = np.where(use, fits.flux, flux)
-        frames = getattr(self, "frames", None) or check_frames(
-            self.scan, windows, fits, self.noise, np.zeros(len(self.gain), np.int64)
-        )
         return ScanEstimate(
             scan=self.scan,
             centroid_mm=np.stack([place, *replicates]),
@@ -308,9 +311,30 @@ class _Side:
             noise=self.noise,
             gain=self.gain,
             offset=self.offset,
-            frames=replace(frames, shows=self.shows),
+            frames=replace(self.frames, shows=self.shows),
             tilted=self.tilted,
+            profile_error=self._profile_error(),
         )
+
+    def _profile_error(self) -> float:
+        """Largest mean residual of the curves by distance from their centroid, in their peaks: noise averages away."""
+        fits, pitch = self.fits, line_pitch(self.scan)
+        peak = fits.modelled.max(1, initial=0.0)[:, None]
+        used = self.windows.allowed & np.isfinite(fits.place_mm)[:, None] & (peak > 0)
+        at = (self.scan.positions_mm[0] - np.nan_to_num(fits.place_mm))[:, None] / pitch + self.windows.lines
+        width = self.windows.allowed.shape[1]
+        bins = np.clip(np.rint((at + width / 2) * BINS), 0, width * BINS).astype(np.int64)
+        number = np.bincount(bins.ravel(), used.ravel(), width * BINS + 1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            relative = np.where(used, fits.residual / peak, 0.0)
+            mean = np.bincount(bins.ravel(), relative.ravel(), width * BINS + 1) / number
+            square = np.bincount(bins.ravel(), (relative**2).ravel(), width * BINS + 1) / number
+        known = number >= BIN_SAMPLES
+        if not known.any():
+            return float("nan")
+        # what noise alone would leave of a mean is no error of the profile
+        error = np.abs(mean[known]) - STRAY_SIGMAS * np.sqrt(square[known] / number[known])
+        return float(max(error.max(), 0.0))
 
     def _left_out(self) -> Iterator[FloatArray]:
         """Mean curves [n, window] with each exposure left out in turn."""
@@ -329,7 +353,8 @@ class _Side:
         with np.errstate(invalid="ignore"):
             flags = np.where(self._beyond() > EDGE_TOLERANCE, Flag.CLIPPED, flags)
         flags = np.where(self.saturated & ~np.isfinite(place), Flag.SATURATED, flags)
-        return np.where(lit & np.isfinite(place) | (flags == Flag.SATURATED), flags, Flag.EMPTY)
+        flags = np.where(lit & np.isfinite(place) | (flags == Flag.SATURATED), flags, Flag.EMPTY)
+        return np.where(np.isnan(self.curves).any(1) & ~self.saturated & ~np.isfinite(place), Flag.MASKED, flags)
 
     def _stray(self, flux: FloatArray) -> BoolArray:
         """Curves [n] with a second light: a box of the light's width outside the window that is bright beyond noise."""

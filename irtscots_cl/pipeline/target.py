@@ -18,7 +18,7 @@ from irtscots_cl.analysis.comparison import compare
 from irtscots_cl.analysis.error_terms import rounding_height_nm
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.imaging.patterns import LineScan
-from irtscots_cl.measurement.methods import MEASURES, measure_by
+from irtscots_cl.measurement.methods import MEASURES, NOISE_FREE, measure_by
 from irtscots_cl.measurement.prediction import predict_error
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.optics.setup import Setup
@@ -78,7 +78,7 @@ def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed: Any) -
     meets the target, or for a choice that is out of range.
     """
     check_target(target_nm, fixed.get("estimator", "adjoint"))
-    measures = [fixed["measure"]] if "measure" in fixed else list(MEASURES)
+    measures = [fixed["measure"]] if "measure" in fixed else list(NOISE_FREE)
     setup = Setup.of(scene)
     noise_free, scene = _noise_free(setup), setup.scene
     pilots = [(way, _pilot(setup, device, way, measures)) for way in _ways(device, fixed)]

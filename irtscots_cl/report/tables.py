@@ -102,11 +102,23 @@ def _run_table(report: Report) -> Table:
     )
 
 
-def measured_table(facts: MeasuredFacts) -> Table:
-    """The results of pipeline.measure for a lab's images."""
+def measured_tables(facts: MeasuredFacts) -> list[Table]:
+    """The results of pipeline.measure for a lab's images: the deviation, and the checks that did not pass."""
     rows = [("pixels used", pixels_text(facts["pixels_used"], facts["light_curves_refused"]))]
     rows += [(f"without {terms.replace('_', ', ')} [nm]", f"{v:.4g}") for terms, v in facts["deviation_nm_rms"].items()]
-    return Table("Deviation from the design, rms", ("", ""), rows)
+    if math.isfinite(facts["height_standard_error_nm"]):
+        slopes, bound = facts["slope_standard_error_urad"], facts["of_bound"]
+        rows += [
+            ("standard error of the height [nm]", f"{facts['height_standard_error_nm']:.3g}"),
+            ("standard error of the slopes [urad]", f"{slopes['x']:.3g}, {slopes['y']:.3g}"),
+            ("centroids' error / Cramer-Rao bound", f"{bound['x']:.3g}, {bound['y']:.3g}"),
+        ]
+    tables = [Table("Deviation from the design, rms", ("", ""), rows)]
+    failed = [(c["name"], c["verdict"], c["text"]) for c in facts["checks"] if c["verdict"] != "good"]
+    passed = len(facts["checks"]) - len(failed)
+    if failed:
+        tables.append(Table(f"Checks of the images: {passed} passed, these did not", ("check", "verdict", ""), failed))
+    return tables
 
 
 def pixels_text(used: int, refused: Refused) -> str:

@@ -76,6 +76,18 @@ class Refused(TypedDict):
     clipped: int
     stray: int
     saturated: int
+    masked: int
+
+
+class CheckFacts(TypedDict):
+    """One check of the images. verdict: good, doubtful or wrong. false_alarm: chance that good images fail it."""
+
+    name: str
+    verdict: str
+    value: float
+    limit: float
+    false_alarm: float
+    text: str
 
 
 class Predicted(TypedDict):
@@ -216,7 +228,12 @@ class PathReport(TypedDict):
 
 
 class MeasuredFacts(TypedDict):
-    """What `irtscots reconstruct` tells of a lab's images, named as in report.json."""
+    """What `irtscots reconstruct` tells of a lab's images, named as in report.json.
+
+    height_standard_error_nm: rms over the pixels used, from the noise in the images, piston and tilt removed.
+    of_bound: how the centroids' standard errors compare with the least that the samples allow (Cramer-Rao), the
+    median over the pixels.
+    """
 
     scene: str
     measure: str
@@ -224,3 +241,7 @@ class MeasuredFacts(TypedDict):
     pixels_used: int
     light_curves_refused: Refused
     deviation_nm_rms: HeightErrors
+    slope_standard_error_urad: AlongAxes
+    height_standard_error_nm: float
+    of_bound: AlongAxes
+    checks: list[CheckFacts]
