@@ -14,8 +14,9 @@ from irtscots_cl.system.atomic_files import replacing
 
 
 def write_result(path: Path, stack: ImageStack, result: Reconstruction, attributes: dict[str, str]) -> None:
-    """Write result.h5: images [lines, rows, columns] in W with standard errors, lines, mirror points, mask, centroids,
-    slopes and height. attributes: of the file (scene as TOML, seed, device, versions)."""
+    """Write result.h5: images [lines, rows, columns] in the stack's unit with standard errors, lines,
+    mirror points, mask, centroids, slopes and height. attributes: of the file (scene as TOML, seed, device, versions).
+    """
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         for key, value in attributes.items():
             file.attrs[key] = value
@@ -51,6 +52,6 @@ def _write_images(file: h5py.File, name: str, scan: Scan, values: np.ndarray) ->
     images = file.create_dataset(
         name, shape, np.float64, chunks=(1, *scan.shape), compression="gzip", compression_opts=1, shuffle=True
     )
-    images.attrs["unit"] = "W"
+    images.attrs["unit"] = scan.unit
     for line in range(shape[0]):
         images[line] = scan.image(line, values)
