@@ -156,8 +156,8 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
 
 def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
     """Raise ValueError if the estimator cannot trace the scene, or record its noise, before any slow step."""
-    if scene.camera.detector.noise is not None or scene.screen.response is not None:
-        from irtscots_cl.pipeline.simulate import check_noise
+    if scene.has_noise_tables:
+        from irtscots_cl.pipeline.noise import check_noise
         from irtscots_cl.pipeline.target import check_without_noise
 
         if options.target_nm is not None:

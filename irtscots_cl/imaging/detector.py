@@ -85,7 +85,12 @@ def _step(noise: DetectorNoise) -> int:
 
 
 def mean_of_frames(
-    noise: DetectorNoise, pixels: PixelProperties, light_e: FloatArray, factors: FloatArray, scan: str, line: int,
+    noise: DetectorNoise,
+    pixels: PixelProperties,
+    light_e: FloatArray,
+    factors: FloatArray,
+    scan: str,
+    line: int,
     exposure: int = 0,
 ) -> tuple[FloatArray, BoolArray]:
     """The mean [n] in DN of frames of one scene, and whether a pixel was saturated in any of them.
@@ -176,7 +181,11 @@ def expose(stack: ImageStack, noise: DetectorNoise, response: ScreenResponse | N
 
 
 def _exposed(
-    scan: Scan, noise: DetectorNoise, response: ScreenResponse | None, pixels: PixelProperties, per_w: float,
+    scan: Scan,
+    noise: DetectorNoise,
+    response: ScreenResponse | None,
+    pixels: PixelProperties,
+    per_w: float,
     dark: FloatArray,
 ) -> Scan:
     curves_w, weights = _shares(scan, noise.exposures)

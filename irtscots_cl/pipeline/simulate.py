@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,9 +19,8 @@ from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.report.facts import build_report
-from irtscots_cl.report.types import NoiseFacts, Report
+from irtscots_cl.report.types import Report
 from irtscots_cl.scene.model import Scene
-from irtscots_cl.tracing.options import ANALYTIC, NONSEQUENTIAL
 from irtscots_cl.tracing.results.paths import PathLight
 from irtscots_cl.tracing.results.transport import LineLight, Transport
 from irtscots_cl.tracing.trace import trace
@@ -61,74 +60,33 @@ def simulate(
     scene: a scene, or a Setup of it. measure: a name of methods.MEASURES. parts: also separate the height error into
     its terms; float rounding is separated on the first device, not with a client. noise, response: of the detector and
     the screen, instead of the scene's own. device, client, progress, trace_options: as of `trace`. Raises as `trace`,
-    `measure_by` and imaging.recording.check_recording do, and ValueError for what does not go with noise.
+    `measure_by` and, with noise, noise.check_noise do.
     """
     started = time.perf_counter()
     setup = Setup.of(scene)
-    if noise is not None or response is not None:
-        setup = Setup(_with_noise(setup.scene, noise, response))
+    take_images = _clean_images
+    if noise is not None or response is not None or setup.scene.has_noise_tables:
+        from irtscots_cl.pipeline.noise import noisy_images, set_up_noise  # imported late: few runs have noise
+
+        setup, is_noisy = set_up_noise(setup, noise, response, parts, **trace_options)
+        take_images = noisy_images if is_noisy else _clean_images
     scene = setup.scene
-    noisy = check_noise(scene, parts, **trace_options)
     transport = trace(setup, device=device, client=client, progress=progress, **trace_options)
     traced = time.perf_counter()
-    stack, recorded = _images(transport, noisy)
+    stack, more_facts = take_images(transport)
     result = measure_by(measure, stack, setup.nominal)
     measured = time.perf_counter()
     comparison, predicted = compare(result, scene), predict_error(result, stack)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
     separated = error_terms(result, setup, measure, transport.options, device) if parts else ()
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
-    if recorded is not None:
-        report["noise"] = recorded
+    report.update(more_facts)
     return Run(transport, stack, result, comparison, separated, report)
 
 
-def _with_noise(scene: Scene, noise: DetectorNoise | None, response: ScreenResponse | None) -> Scene:
-    """The scene with that noise and response; None keeps its own."""
-    if noise is not None:
-        scene = replace(scene, camera=replace(scene.camera, detector=replace(scene.camera.detector, noise=noise)))
-    return scene if response is None else replace(scene, screen=replace(scene.screen, response=response))
-
-
-def check_noise(
-    scene: Scene, parts: bool = False, estimator: str = "adjoint", smoothing: bool = False, replicates: int = 8,
-    **_others,
-) -> bool:
-    """Whether the scene's camera or screen has noise; ValueError if it cannot be simulated so, before rays are traced.
-
-    parts to replicates: as of `simulate`.
-    """
-    if scene.camera.detector.noise is None and scene.screen.response is None:
-        return False
-    from irtscots_cl.imaging.recording import check_recording, has_noise  # imported late: few runs have noise
-
-    if not has_noise(scene):
-        return False
-    if parts:
-        raise ValueError("--parts: must be left out with noise: the terms are those of images without any")
-    if scene.screen.response is not None and scene.screen.response.needs_map and (
-        smoothing or estimator in (ANALYTIC, NONSEQUENTIAL)
-    ):
-        way = "--smoothing" if smoothing else f"--estimator {estimator}"
-        raise ValueError(
-            f"scene {scene.name}: screen.response: uneven brightness and dead pixels need the light of each screen "
-            f"pixel, which {way} does not give; must be traced by adjoint without --smoothing, or by forward"
-        )
-    check_recording(scene, 1 if estimator == ANALYTIC else replicates)
-    return True
-
-
-def _images(transport: Transport | LineLight, noisy: bool) -> tuple[ImageStack, NoiseFacts | None]:
-    """The images of a trace, and what noise was put into them."""
-    scene = transport.scene
-    if not noisy:
-        return transport.images(LineScan(scene)), None
-    from irtscots_cl.imaging.recording import line_scan, record
-    from irtscots_cl.report.noise_facts import noise_facts
-
-    clean = transport.images(line_scan(scene))
-    recorded = record(clean, scene)
-    return recorded, noise_facts(scene, clean, recorded)
+def _clean_images(transport: Transport | LineLight) -> tuple[ImageStack, dict]:
+    """The images of a trace without noise, about which the report has nothing more to say."""
+    return transport.images(LineScan(transport.scene)), {}
 
 
 def outlook(traced: Transport | LineLight | PathLight, measure: str, nominal: Setup | None = None) -> str:

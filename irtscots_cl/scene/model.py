@@ -89,6 +89,11 @@ class Scene:
         """Whether light goes only from the screen to the mirror to a paraxial camera."""
         return not self.element and self.camera.lens == "paraxial" and self.mirror.scatter is None
 
+    @property
+    def has_noise_tables(self) -> bool:
+        """Whether the scene says what a real camera or screen does to its images."""
+        return self.camera.detector.noise is not None or self.screen.response is not None
+
     def nominal(self) -> Scene:
         """The same test of the mirror as designed, without its deviation."""
         return dataclasses.replace(self, mirror=dataclasses.replace(self.mirror, zernike=()))
