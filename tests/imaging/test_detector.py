@@ -227,6 +227,11 @@ def test_what_was_saturated_once_is_stored_at_the_limit_and_found(values, limit)
     assert (high == limit).all()
     assert low.max() < 0.9 * limit
     assert near.max() == limit and 0.02 < (near == limit).mean() < 0.98  # some of them, at random
+    pixels = pixel_properties(noise, SHAPE)
+    mean, once = mean_of_frames(noise, pixels, np.full(COUNT, levels[1] * 14_000.0), np.ones(6), "x", 1)
+    assert once.any() and (mean[once] == limit).all() and (mean[~once] < limit).all()
+    always = [mean_of_frames(noise, pixels, np.full(COUNT, levels[1] * 14_000.0), np.ones(1), "x", 1)[1]]
+    assert (once & ~always[0]).any()  # a mean that a saturated frame alone would not lift to the limit
     flags = flag_curves(scan, scan.mean_w(), np.full(COUNT, 0.2), np.full(COUNT, 1.0))
     assert (flags == Flag.SATURATED).all()
 
