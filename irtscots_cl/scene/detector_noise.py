@@ -49,7 +49,7 @@ class DetectorNoise:
     full_well_e: Annotated[Annotated[float, Strict(), _ELECTRONS] | None, Field(description=_ELECTRONS.description)] = (
         None
     )
-    gain_e_per_dn: Annotated[float, Strict(), bounded(gt=0, le=1e12)] = 1.0
+    gain_e_per_dn: Annotated[float, Strict(), bounded(ge=1e-6, le=1e12)] = 1.0
     offset_dn: Annotated[float, Strict(), bounded(ge=0, le=1e12)] = 0.0
     bits: Annotated[
         Annotated[int, Strict(), Field(ge=1, le=MAX_BITS)] | None,

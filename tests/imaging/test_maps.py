@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from irtscots_cl.imaging.maps import read_map
+from irtscots_cl.scene.validation import SceneError
 
 KEY = "screen.response.brightness_map"
 GOOD = np.arange(12.0).reshape(3, 4)
@@ -63,3 +64,10 @@ def test_objects_which_could_run_code_are_not_loaded(tmp_path):
 def test_a_folder_is_refused(tmp_path):
     with pytest.raises(ValueError, match="cannot be read: Is a directory"):
         read_map(str(tmp_path), KEY, (1, 1))
+
+
+@pytest.mark.parametrize("name", ["a\nb.npy", "\x1b[0m.npy", "a\0b.npy", "n" * 5000])
+def test_any_name_is_shown_in_one_printable_line(name):
+    with pytest.raises(SceneError, match="brightness_map: cannot be read") as caught:
+        read_map(name, KEY, (1, 1))
+    assert str(caught.value).isprintable()

@@ -8,6 +8,7 @@ import sys
 import tomllib
 
 import pytest
+from fuzz import NUMBERS, OTHERS, TEXTS
 from refusals import BASE, changed, refusal
 
 from irtscots_cl.scene.detector_noise import DetectorNoise
@@ -132,7 +133,7 @@ EXPOSURE = "be given, or electrons_at_peak, to turn flux into electrons"
         ("frames_averaged", 0, "be an integer from 1 to 10000"),
         ("dark_frames", -1, "be an integer from 0 to 10000"),
         ("exposures", 1001, "be an integer from 1 to 1000"),
-        ("gain_e_per_dn", 0, "be a finite number above 0 and at most 1e+12"),
+        ("gain_e_per_dn", 0, "be a finite number at least 1e-06 and at most 1e+12"),
         ("full_well_e", 0, "be a finite number above 0 and at most 1e+12"),
         ("seed", -1, "be an integer from 0 to 2^63 - 1"),
         ("quantum_efficiency_map", 3, "be the path of an NPY file"),
@@ -255,6 +256,21 @@ def test_a_file_of_noise_with_anything_else_is_refused(tmp_path, text, line):
     with pytest.raises(SceneError) as caught:
         with_noise_file(load_scene("sphere"), path)
     assert str(caught.value) == f"{path}: {line}"
+
+
+@pytest.mark.parametrize("kind", [DetectorNoise, ScreenResponse])
+def test_any_value_of_any_key_is_taken_or_refused_in_one_line(tmp_path, kind):
+    scene, heading = load_scene("sphere"), ".".join(NOISE if kind is DetectorNoise else RESPONSE)
+    taken = 0
+    for k, key in enumerate(kind.__pydantic_fields__):
+        for value in (NUMBERS + TEXTS + OTHERS)[k % 4 :: 4]:  # a quarter for each key: enough, and four times as fast
+            path = written(tmp_path, f"[{heading}]\n{key} = {value}\n")
+            try:
+                with_noise_file(scene, path).to_toml()
+                taken += 1
+            except SceneError as refused:
+                assert str(refused).startswith(f"{path}: ") and str(refused).isprintable()
+    assert taken > 20  # some values are good
 
 
 def test_what_is_off_and_what_is_not():
