@@ -61,10 +61,8 @@ class Scan:
         weighted = self.flux_w * self.weights[:, None, None]
         total = weighted.sum(0)
         left = (total - weighted) / (self.weights.sum() - self.weights)[:, None, None]
-        if self.flux_w.min(initial=0.0) >= 0.0:
-            # a sample that is dark in all other replicates is exactly 0, without rounding errors of total - weighted;
-            # where noise makes samples negative, their sign stays
-            left = np.maximum(left, 0.0)
+        # a sample that is dark in all other replicates is exactly 0, without rounding errors of total - weighted
+        left[(left < 0) & (left > -1e-12 * total)] = 0.0
         return np.concatenate([total[None] / self.weights.sum(), left])
 
     def standard_error_w(self) -> FloatArray:
