@@ -49,6 +49,7 @@ _PUBLIC = {
     "load_scene": "scene.presets",
     "measure_by": "measurement.methods",
     "noise_gain": "maths.integration",
+    "record": "imaging.recording",
     "reconstruct": "measurement.reconstruction",
     "refine": "measurement.refinement",
     "select_device": "opencl.device",
@@ -70,6 +71,7 @@ if TYPE_CHECKING:
     from irtscots_cl.execution.checkpoint import Checkpoints as Checkpoints
     from irtscots_cl.execution.checkpoint import Interrupted as Interrupted
     from irtscots_cl.imaging.patterns import LineScan as LineScan
+    from irtscots_cl.imaging.recording import record as record
     from irtscots_cl.maths.integration import integrate_slopes as integrate_slopes
     from irtscots_cl.maths.integration import noise_gain as noise_gain
     from irtscots_cl.maths.zernike.polynomials import zernike as zernike

@@ -27,7 +27,7 @@ class Scan:
     flux_w: [replicates, n, window] flux; outside its window a pixel is dark. weights: [replicates] share of each
     replicate in the mean (rays, exposures). hits: [n] number of independent random rays in a whole light curve; NaN
     for other samplers and lab images. saturation_w: flux at which the camera's pixels saturate; infinite for a
-    simulation.
+    simulation without a detector's limits. unit: of the flux and of saturation_w; "DN" of a recorded scan.
     """
 
     axis: str
@@ -39,6 +39,7 @@ class Scan:
     weights: FloatArray
     hits: FloatArray = field(repr=False)
     saturation_w: float = math.inf
+    unit: str = "W"
 
     @property
     def lines(self) -> IntArray:

@@ -21,9 +21,9 @@ def write_result(
     attributes: dict[str, str],
     bars: ErrorBars | None = None,
 ) -> None:
-    """Write result.h5: images [lines, rows, columns] in W with standard errors, lines, mirror points, mask, centroids,
-    slopes and height. attributes: of the file (scene as TOML, seed, device, versions). bars: standard errors from the
-    noise of the images, where the measure gives them; else those of the height come from the replicates."""
+    """Write result.h5: images [lines, rows, columns] in the stack's unit with standard errors, lines, mirror points,
+    mask, centroids, slopes and height. attributes: of the file (scene as TOML, seed, device, versions). bars: standard
+    errors from the noise of the images, where the measure gives them; else those of the height are the replicates'."""
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         for key, value in attributes.items():
             file.attrs[key] = value
@@ -77,6 +77,6 @@ def _write_images(file: h5py.File, name: str, scan: Scan, values: np.ndarray) ->
     images = file.create_dataset(
         name, shape, np.float64, chunks=(1, *scan.shape), compression="gzip", compression_opts=1, shuffle=True
     )
-    images.attrs["unit"] = "W"
+    images.attrs["unit"] = scan.unit
     for line in range(shape[0]):
         images[line] = scan.image(line, values)

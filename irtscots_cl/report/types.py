@@ -142,6 +142,19 @@ class Target(TypedDict):
     predicted: SettingFacts
 
 
+class NoiseFacts(TypedDict):
+    """What a run's camera and screen did to the images. detector, screen: the keys of the scene's tables that were
+    given. electrons_per_w, electrons_at_peak: of a frame of a nominal pixel, NaN in images in W; saturation: in the
+    images' unit, infinite without a limit."""
+
+    unit: str
+    electrons_per_w: float
+    electrons_at_peak: float
+    saturation: float
+    detector: dict[str, object]
+    screen: dict[str, object]
+
+
 class Report(TypedDict):
     """report.json. Numbers that do not exist are NaN here and null in the file."""
 
@@ -174,6 +187,7 @@ class Report(TypedDict):
     error_parts: list[ErrorPart]
     zernike: list[ZernikeFacts]
     target: NotRequired[Target]
+    noise: NotRequired[NoiseFacts]
 
 
 class Staying(TypedDict):
