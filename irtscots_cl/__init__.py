@@ -43,8 +43,11 @@ _PUBLIC = {
     "SceneError": "scene.validation",
     "Transport": "tracing.results.transport",
     "all_devices": "opencl.device",
+    "check_images": "measurement.quality",
     "compare": "analysis.comparison",
+    "error_bars": "measurement.error_bars",
     "error_terms": "analysis.error_terms",
+    "estimate_centroids": "measurement.scan_estimates",
     "integrate_slopes": "maths.integration",
     "load_scene": "scene.presets",
     "measure_by": "measurement.methods",
@@ -75,9 +78,12 @@ if TYPE_CHECKING:
     from irtscots_cl.maths.integration import integrate_slopes as integrate_slopes
     from irtscots_cl.maths.integration import noise_gain as noise_gain
     from irtscots_cl.maths.zernike.polynomials import zernike as zernike
+    from irtscots_cl.measurement.error_bars import error_bars as error_bars
     from irtscots_cl.measurement.methods import measure_by as measure_by
+    from irtscots_cl.measurement.quality import check_images as check_images
     from irtscots_cl.measurement.reconstruction import reconstruct as reconstruct
     from irtscots_cl.measurement.refinement import refine as refine
+    from irtscots_cl.measurement.scan_estimates import estimate_centroids as estimate_centroids
     from irtscots_cl.opencl.device import DeviceError as DeviceError
     from irtscots_cl.opencl.device import all_devices as all_devices
     from irtscots_cl.opencl.device import select_device as select_device

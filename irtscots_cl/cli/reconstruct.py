@@ -73,7 +73,7 @@ def _execute(options: argparse.Namespace) -> int:
         images, scene.nominal(), folder, options.threshold, how, strict=options.strict, source=str(options.images)
     )
     for check in facts["checks"]:
-        if check["verdict"] != "good":
+        if check["level"] != "ok":
             print(f"irtscots: warning: {check['name']}: {check['text']}", file=sys.stderr)
     if options.json:
         print_json(facts)

@@ -1,7 +1,7 @@
 """Checks of what the images themselves show, before any height is believed.
 
 Every check has a name, a value, the limit that it is held against with its chance of a false alarm, and a line of text
-with what to do. "wrong": beyond doubt, the measurement is refused. "doubtful": the result may be right; a warning.
+with what to do. "error": wrong beyond doubt, the measurement is refused. "warning": doubtful, the result may be right.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from irtscots_cl.measurement.reconstruction import design_points
 from irtscots_cl.measurement.scan_estimates import ScanEstimate
 from irtscots_cl.optics.setup import Setup
 
-GOOD, DOUBTFUL, WRONG = "good", "doubtful", "wrong"
-VERDICTS = (GOOD, DOUBTFUL, WRONG)
+OK, WARNING, ERROR = "ok", "warning", "error"
+LEVELS = (OK, WARNING, ERROR)
 
 GAIN = 0.02  # a frame whose brightness differs by more is named
 PROFILE = 0.02  # of the peak: largest mean difference of the curves from the modelled profile
@@ -37,7 +37,7 @@ class Check:
     """One check. value and limit: in the unit that the text names. false_alarm: chance that good images fail it."""
 
     name: str
-    verdict: str
+    level: str
     value: float
     limit: float
     false_alarm: float
@@ -45,8 +45,8 @@ class Check:
 
 
 def worst(checks: list[Check]) -> str:
-    """The worst verdict of some checks."""
-    return max((check.verdict for check in checks), key=VERDICTS.index, default=GOOD)
+    """The worst level of some checks."""
+    return max((check.level for check in checks), key=LEVELS.index, default=OK)
 
 
 def check_images(stack: ImageStack, setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate]) -> list[Check]:
@@ -60,7 +60,7 @@ def check_images(stack: ImageStack, setup: Setup, estimates: tuple[ScanEstimate,
         checks += [_gains(estimate), _profile(estimate), _stray(estimate, setup)]
     checks.append(_saturation(stack, estimates))
     checks.append(_orientation(setup, estimates))
-    if checks[-1].verdict == GOOD:
+    if checks[-1].level == OK:
         checks += [_outline(stack, setup), *(_place(setup, estimate) for estimate in estimates)]
     checks.append(_used(setup, estimates))
     return checks
@@ -70,7 +70,7 @@ def _frames(estimate: ScanEstimate) -> list[Check]:
     shows, axis = estimate.frames.shows, estimate.scan.axis
     wrong = np.flatnonzero(shows != np.arange(len(shows)))
     if not wrong.size:
-        return [Check(f"frames {axis}", GOOD, 0.0, 0.0, 1e-9, "every frame shows its own line")]
+        return [Check(f"frames {axis}", OK, 0.0, 0.0, 1e-9, "every frame shows its own line")]
     several = len(wrong) > len(shows) / 4
     words = {-1: "shows no light", -2: "shows light where none can be"}
     told = "; ".join(
@@ -79,7 +79,7 @@ def _frames(estimate: ScanEstimate) -> list[Check]:
     more = f"; and {len(wrong) - 8} more" if len(wrong) > 8 else ""
     done = "" if several else "; left out"
     text = f"{axis} scan (frames count from 0): {told}{more}{done}"
-    return [Check(f"frames {axis}", WRONG if several else DOUBTFUL, float(len(wrong)), 0.0, 1e-9, text)]
+    return [Check(f"frames {axis}", ERROR if several else WARNING, float(len(wrong)), 0.0, 1e-9, text)]
 
 
 def _gains(estimate: ScanEstimate) -> Check:
@@ -89,14 +89,14 @@ def _gains(estimate: ScanEstimate) -> Check:
     off = np.where(lit, np.abs(gain - 1), 0.0)
     largest = float(off.max(initial=0.0))
     if largest <= GAIN:
-        return Check(f"gains {axis}", GOOD, largest, GAIN, 1e-4, f"frames of the {axis} scan are equally bright")
+        return Check(f"gains {axis}", OK, largest, GAIN, 1e-4, f"frames of the {axis} scan are equally bright")
     worst_frames = [int(k) for k in np.argsort(-off)[:3] if off[k] > GAIN]
     told = ", ".join(f"frame {k} {gain[k]:.3g} times" for k in worst_frames)
     text = (
         f"{axis} scan: {told} as bright as the others; corrected, from all pixels together: the exposure or the screen "
         "varied"
     )
-    return Check(f"gains {axis}", DOUBTFUL, largest, GAIN, 1e-4, text)
+    return Check(f"gains {axis}", WARNING, largest, GAIN, 1e-4, text)
 
 
 def _profile(estimate: ScanEstimate) -> Check:
@@ -104,12 +104,12 @@ def _profile(estimate: ScanEstimate) -> Check:
     value, axis = estimate.profile_error, estimate.scan.axis
     if not value > PROFILE:
         text = f"light curves of the {axis} scan have the modelled profile"
-        return Check(f"profile {axis}", GOOD, float(np.nan_to_num(value)), PROFILE, 1e-6, text)
+        return Check(f"profile {axis}", OK, float(np.nan_to_num(value)), PROFILE, 1e-6, text)
     text = (
         f"light curves of the {axis} scan differ by {value:.1%} of their peak from the modelled profile: is the "
         "camera's response linear (no gamma), the aperture's diameter right, the camera in focus?"
     )
-    return Check(f"profile {axis}", DOUBTFUL, value, PROFILE, 1e-6, text)
+    return Check(f"profile {axis}", WARNING, value, PROFILE, 1e-6, text)
 
 
 def _stray(estimate: ScanEstimate, setup: Setup) -> Check:
@@ -117,9 +117,9 @@ def _stray(estimate: ScanEstimate, setup: Setup) -> Check:
     share = float((estimate.flags[on_mirror] == Flag.STRAY).mean()) if on_mirror.any() else 0.0
     axis = estimate.scan.axis
     if share <= STRAY_SHARE:
-        return Check(f"stray {axis}", GOOD, share, STRAY_SHARE, 1e-6, f"no second light in the {axis} scan")
+        return Check(f"stray {axis}", OK, share, STRAY_SHARE, 1e-6, f"no second light in the {axis} scan")
     text = f"{share:.1%} of the pixels of the {axis} scan see a second light, of a reflection or an object; not used"
-    return Check(f"stray {axis}", DOUBTFUL, share, STRAY_SHARE, 1e-6, text)
+    return Check(f"stray {axis}", WARNING, share, STRAY_SHARE, 1e-6, text)
 
 
 def _saturation(stack: ImageStack, estimates: tuple[ScanEstimate, ScanEstimate]) -> Check:
@@ -129,9 +129,9 @@ def _saturation(stack: ImageStack, estimates: tuple[ScanEstimate, ScanEstimate])
         if np.isfinite(scan.saturation_w):
             full += int(np.count_nonzero(estimate.scan.flux_w >= scan.saturation_w))
     if not full:
-        return Check("saturation", GOOD, 0.0, 0.0, 1e-6, "no sample is saturated")
+        return Check("saturation", OK, 0.0, 0.0, 1e-6, "no sample is saturated")
     text = f"{full} samples are at {ceiling:.10g}, the highest value: saturated and left out; expose less"
-    return Check("saturation", DOUBTFUL, float(full), 0.0, 1e-6, text)
+    return Check("saturation", WARNING, float(full), 0.0, 1e-6, text)
 
 
 def _maps(setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate]) -> list[FloatArray]:
@@ -150,12 +150,12 @@ def _orientation(setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate]) -> 
     found: Orientation = best_orientation(_maps(setup, estimates), design_points(setup)[2:], centres)
     if not found.is_wrong:
         text = "orientation of the images and directions of the scans fit the design"
-        return Check("orientation", GOOD, found.misfit, found.best_misfit, 1e-6, text)
+        return Check("orientation", OK, found.misfit, found.best_misfit, 1e-6, text)
     text = (
         f"centroids fit the design {found.misfit / max(found.best_misfit, 1e-12):.3g} times better with "
         f"{' or '.join(found.names)}: must be as the scene says, seen from behind the camera"
     )
-    return Check("orientation", WRONG, found.misfit, found.best_misfit, 1e-6, text)
+    return Check("orientation", ERROR, found.misfit, found.best_misfit, 1e-6, text)
 
 
 def _outline(stack: ImageStack, setup: Setup) -> Check:
@@ -163,7 +163,7 @@ def _outline(stack: ImageStack, setup: Setup) -> Check:
     lit = _lit(stack)
     mirror = setup.chief_rays.footprint.coverage >= 0.5
     if not (lit & mirror).any():
-        return Check("outline", GOOD, 0.0, 0.0, 1e-6, "no outline is visible")
+        return Check("outline", OK, 0.0, 0.0, 1e-6, "no outline is visible")
     least = np.count_nonzero(lit & ~mirror), (0, 0)
     here = least[0]
     for row in range(-SHIFT, SHIFT + 1):
@@ -174,13 +174,13 @@ def _outline(stack: ImageStack, setup: Setup) -> Check:
     gain = (here - least[0]) / np.count_nonzero(mirror)
     limit = max(OUTLINE, 3 / np.sqrt(np.count_nonzero(mirror)) / 10)
     if gain <= limit:
-        return Check("outline", GOOD, float(gain), limit, 1e-6, "the mirror's outline lies where the design has it")
+        return Check("outline", OK, float(gain), limit, 1e-6, "the mirror's outline lies where the design has it")
     row, column = least[1]
     text = (
         f"the mirror's image lies {row:+d} rows and {column:+d} columns from its place in the design: the camera's "
         "position or direction, or a region of interest, differs from the scene's"
     )
-    return Check("outline", WRONG, float(np.hypot(row, column)), 0.5, 1e-6, text)
+    return Check("outline", ERROR, float(np.hypot(row, column)), 0.5, 1e-6, text)
 
 
 def _moved(mask: np.ndarray, rows: int, columns: int) -> np.ndarray:
@@ -209,17 +209,17 @@ def _place(setup: Setup, estimate: ScanEstimate) -> Check:
     good = estimate.flags == Flag.GOOD
     lines = (estimate.centroid_mm[0] - design)[good] / line_pitch(estimate.scan)
     if not np.isfinite(lines).any():
-        return Check(f"place {axis}", GOOD, 0.0, PLACE, 1e-6, "no light curves")
+        return Check(f"place {axis}", OK, 0.0, PLACE, 1e-6, "no light curves")
     middle = float(np.nanmedian(lines))
     if abs(middle) <= PLACE:
         text = f"the light of the {axis} scan lies at the design's place"
-        return Check(f"place {axis}", GOOD, middle, PLACE, 1e-6, text)
+        return Check(f"place {axis}", OK, middle, PLACE, 1e-6, text)
     text = (
         f"the light of the whole {axis} scan lies {middle:+.2f} lines ({middle * line_pitch(estimate.scan):+.3f} mm) "
         "from the design's place: a scan that starts lines late, line positions counted from another point, or a "
         "tilted mirror"
     )
-    return Check(f"place {axis}", DOUBTFUL, middle, PLACE, 1e-6, text)
+    return Check(f"place {axis}", WARNING, middle, PLACE, 1e-6, text)
 
 
 def _used(setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate]) -> Check:
@@ -232,8 +232,8 @@ def _used(setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate]) -> Check:
     share = float(good.sum() / max(int(on_mirror.sum()), 1))
     if share >= FEW[0]:
         text = f"{share:.1%} of the mirror's pixels have usable light curves"
-        return Check("pixels", GOOD, share, FEW[0], 1e-6, text)
-    verdict = WRONG if share < FEW[1] else DOUBTFUL
-    limit = FEW[VERDICTS.index(verdict) - 1]
+        return Check("pixels", OK, share, FEW[0], 1e-6, text)
+    level = ERROR if share < FEW[1] else WARNING
+    limit = FEW[LEVELS.index(level) - 1]
     text = f"only {share:.1%} of the mirror's pixels have usable light curves: the height map is of these alone"
-    return Check("pixels", verdict, share, limit, 1e-6, text)
+    return Check("pixels", level, share, limit, 1e-6, text)

@@ -118,7 +118,7 @@ class _Side:
         self.curves = self.bright = scan.flux_w[0] if len(scan.weights) == 1 else scan.mean_w()
         self.saturated = np.zeros(len(self.curves), bool)
         if np.isfinite(scan.saturation_w):
-            full = (scan.flux_w >= scan.saturation_w).any(0)
+            full = np.any(scan.flux_w >= scan.saturation_w, axis=0)
             self.saturated = np.asarray(full.any(1))
             self.curves = np.where(full, np.nan, self.curves)
         self.profiles = Profiles(scan, light)

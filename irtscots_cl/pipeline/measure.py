@@ -14,7 +14,7 @@ from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.error_bars import ErrorBars, error_bars
 from irtscots_cl.measurement.light_curves import Flag
 from irtscots_cl.measurement.methods import BEST, MEASURES, measure_by
-from irtscots_cl.measurement.quality import DOUBTFUL, GOOD, WRONG, Check, check_images, worst
+from irtscots_cl.measurement.quality import WARNING, OK, ERROR, Check, check_images, worst
 from irtscots_cl.measurement.reconstruction import SIGNED, Reconstruction
 from irtscots_cl.measurement.saturation import find_ceiling
 from irtscots_cl.measurement.scan_estimates import ScanEstimate, estimate_centroids
@@ -68,10 +68,10 @@ def measure(
 
 
 def _refuse(checks: list[Check], strict: bool, source: str) -> None:
-    verdict = worst(checks)
-    if verdict == WRONG or (strict and verdict == DOUBTFUL):
-        bad = "; ".join(f"{check.name}: {check.text}" for check in checks if check.verdict == verdict)
-        raise RefusedImagesError(f"{source}: {bad}{' (--strict)' if verdict == DOUBTFUL else ''}")
+    level = worst(checks)
+    if level == ERROR or (strict and level == WARNING):
+        bad = "; ".join(f"{check.name}: {check.text}" for check in checks if check.level == level)
+        raise RefusedImagesError(f"{source}: {bad}{' (--strict)' if level == WARNING else ''}")
 
 
 def _against_best(result: Reconstruction, best: Reconstruction, how: str, threshold: float) -> Check:
@@ -86,7 +86,7 @@ def _against_best(result: Reconstruction, best: Reconstruction, how: str, thresh
         f"the height by {name} differs by {value:.3g} nm rms from that by {BEST}, "
         "which noise and background do not bias"
     )
-    return Check("measure", DOUBTFUL if value > limit else GOOD, value, limit, 1e-3, text)
+    return Check("measure", WARNING if value > limit else OK, value, limit, 1e-3, text)
 
 
 def _facts(result: Reconstruction, how: str, bars: ErrorBars | None, checks: list[Check]) -> MeasuredFacts:

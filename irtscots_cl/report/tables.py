@@ -125,7 +125,7 @@ def measured_tables(facts: MeasuredFacts) -> list[Table]:
             ("centroids' error / Cramer-Rao bound", f"{bound['x']:.3g}, {bound['y']:.3g}"),
         ]
     tables = [Table("Deviation from the design, rms", ("", ""), rows)]
-    failed = [(c["name"], c["verdict"], c["text"]) for c in facts["checks"] if c["verdict"] != "good"]
+    failed = [(c["name"], c["level"], c["text"]) for c in facts["checks"] if c["level"] != "ok"]
     passed = len(facts["checks"]) - len(failed)
     if failed:
         tables.append(Table(f"Checks of the images: {passed} passed, these did not", ("check", "verdict", ""), failed))

@@ -80,10 +80,10 @@ class Refused(TypedDict):
 
 
 class CheckFacts(TypedDict):
-    """One check of the images. verdict: good, doubtful or wrong. false_alarm: chance that good images fail it."""
+    """One check of the images. level: ok, warning or error. false_alarm: chance that good images fail it."""
 
     name: str
-    verdict: str
+    level: str
     value: float
     limit: float
     false_alarm: float
