@@ -198,8 +198,13 @@ def _normal(
 
 def _outside_weight(weight: FloatArray, floor: FloatArray) -> FloatArray:
     """Weight [m] of the samples outside: in images without dark noise as high as the highest inside."""
-    outside: FloatArray = np.where(floor > 0, 1 / np.where(floor > 0, floor, 1.0), weight.max(1, initial=0.0))
+    outside: FloatArray = np.where(floor > 0, 1 / np.where(floor > 0, floor, 1.0), _highest(weight))
     return outside
+
+
+def _highest(weight: FloatArray) -> FloatArray:
+    highest: FloatArray = np.maximum(weight.max(1, initial=0.0), 1e-200)
+    return highest
 
 
 def _outside_moments(part: CurveWindows) -> FloatArray:
@@ -230,7 +235,8 @@ def covariances(
         error = np.sqrt(np.einsum("ni,nij,nj->n", row, spread, row)) / fits.flux
     known = variance > 0
     best = windows.allowed / np.where(known, variance, np.inf)
-    normal, _ = _normal(windows, columns, best, noise.floor)
+    # a dark sample without noise tells the background exactly
+    normal, _ = _normal(windows, columns, best, np.where(noise.floor > 0, noise.floor, 1e-6 / _highest(best)))
     free = ~tilted
     normal[free, 3, :] = normal[free, :, 3] = 0.0
     normal[free, 3, 3] = 1.0

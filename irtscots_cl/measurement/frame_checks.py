@@ -82,9 +82,8 @@ def check_frames(
         chi_square = here / np.maximum(pixels - 1, 1)
     many = np.maximum(MIN_PIXELS, MANY * len(windows.first))
     shows[(bright >= many) & (shows == np.arange(count))] = -2
-    return FrameChecks(shows, ratio, np.where(pixels > 1, chi_square, np.nan))
+    return FrameChecks(shows.astype(np.int64), ratio, np.where(pixels > 1, chi_square, np.nan))
 
 
 def _sums(frame: IntArray, values: FloatArray | BoolArray, count: int) -> FloatArray:
-    summed: FloatArray = np.bincount(frame.ravel(), np.asarray(values, float).ravel(), count)
-    return summed
+    return np.bincount(frame.ravel(), np.asarray(values, float).ravel(), count).astype(np.float64)

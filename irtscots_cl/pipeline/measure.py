@@ -14,7 +14,7 @@ from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.error_bars import ErrorBars, error_bars
 from irtscots_cl.measurement.light_curves import Flag
 from irtscots_cl.measurement.methods import BEST, MEASURES, measure_by
-from irtscots_cl.measurement.quality import WARNING, OK, ERROR, Check, check_images, worst
+from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check, check_images, worst
 from irtscots_cl.measurement.reconstruction import SIGNED, Reconstruction
 from irtscots_cl.measurement.saturation import find_ceiling
 from irtscots_cl.measurement.scan_estimates import ScanEstimate, estimate_centroids
