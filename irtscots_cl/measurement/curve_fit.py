@@ -174,12 +174,8 @@ def _solve(
     """Solutions [m, 4] and inverse normal matrices [m, 4, 4] of the samples inside and outside together."""
     normal, right = _normal(part, columns, weight, floor)
     if not tilted:
-        normal[:, 3, :] = normal[:, :, 3] = 0.0
-        normal[:, 3, 3], right[:, 3] = 1.0, 0.0
-    scale = np.sqrt(np.maximum(np.einsum("nii->ni", normal), 1e-200))
-    scaled = normal / (scale[:, :, None] * scale[:, None, :])
-    scaled += 1e-13 * np.eye(4)  # a curve with too few samples must not stop the others
-    inverse = np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :])
+        right[:, 3] = 0.0
+    inverse = _inverse(normal, tilted)
     return np.einsum("nij,nj->ni", inverse, right), inverse
 
 
@@ -213,7 +209,7 @@ def _outside_moments(part: CurveWindows) -> FloatArray:
 
 
 def covariances(
-    windows: CurveWindows, fits: CurveFits, noise: SampleNoise, inverse: FloatArray
+    windows: CurveWindows, fits: CurveFits, noise: SampleNoise, tilted: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Standard errors [n] in mm of the fitted places, and their Cramer-Rao bounds.
 
@@ -225,26 +221,33 @@ def covariances(
             _columns(windows, fits.modelled / fits.flux[:, None], fits.derivative / fits.flux[:, None])
         )
     variance, weight = noise.variance(fits.modelled), windows.allowed * noise.weight(fits.modelled)
+    normal, _ = _normal(windows, columns, weight, noise.floor)
+    row = _inverse(normal, tilted)[:, 1]
     weighted = columns * (weight**2 * variance)[..., None]
     spread = np.einsum("nwi,nwj->nij", weighted, columns, optimize=True)
-    moments = _outside_moments(windows)
-    spread[:, 2:, 2:] += moments * (_outside_weight(weight, noise.floor) ** 2 * noise.floor)[:, None, None]
-    tilted = np.asarray(inverse[:, 3, :3].any(1))
-    row = np.where(tilted[:, None] | (np.arange(4) < 3), inverse[:, 1], 0.0)
-    with np.errstate(invalid="ignore"):
-        error = np.sqrt(np.einsum("ni,nij,nj->n", row, spread, row)) / fits.flux
+    of_outside = _outside_weight(weight, noise.floor) ** 2 * noise.floor
+    spread[:, 2:, 2:] += _outside_moments(windows) * of_outside[:, None, None]
     known = variance > 0
     best = windows.allowed / np.where(known, variance, np.inf)
     # a dark sample without noise tells the background exactly
     normal, _ = _normal(windows, columns, best, np.where(noise.floor > 0, noise.floor, 1e-6 / _highest(best)))
-    free = ~tilted
-    normal[free, 3, :] = normal[free, :, 3] = 0.0
-    normal[free, 3, 3] = 1.0
-    scale = np.sqrt(np.maximum(np.einsum("nii->ni", normal), 1e-200))
-    scaled = normal / (scale[:, :, None] * scale[:, None, :]) + 1e-13 * np.eye(4)
     with np.errstate(invalid="ignore", divide="ignore"):
-        bound = np.sqrt(np.linalg.inv(np.nan_to_num(scaled))[:, 1, 1]) / scale[:, 1] / fits.flux
-    return error, np.where(best.any(1), bound, 0.0)
+        error = np.sqrt(np.einsum("ni,nij,nj->n", row, spread, row)) / fits.flux
+        bound = np.sqrt(_inverse(normal, tilted)[:, 1, 1]) / fits.flux
+    return error, np.where(np.asarray(best.any(1)), bound, 0.0)
+
+
+def _inverse(normal: FloatArray, tilted: bool) -> FloatArray:
+    """Inverses [n, 4, 4] of normal matrices; without a slope of the background unless it is tilted."""
+    if not tilted:
+        normal = normal.copy()
+        normal[:, 3, :] = normal[:, :, 3] = 0.0
+        normal[:, 3, 3] = 1.0
+    scale = np.sqrt(np.maximum(np.einsum("nii->ni", normal), 1e-200))
+    scales = scale[:, :, None] * scale[:, None, :]
+    # a curve with too few samples must not stop the others
+    inverse: FloatArray = np.linalg.inv(normal / scales + 1e-13 * np.eye(4)) / scales
+    return inverse
 
 
 def _fits(

@@ -295,7 +295,7 @@ class _Side:
             other = self._windows(left)
             change = relinearised(fits, windows, self.noise, self.inverse, other)
             replicates.append(np.where(use, change, self._centroids(other)[0]))
-        fitted, bound = covariances(windows, fits, self.noise, self.inverse)
+        fitted, bound = covariances(windows, fits, self.noise, self.tilted)
         error = np.where(use, fitted, error)
         flux = np.where(use, fits.flux, flux)
         return ScanEstimate(
