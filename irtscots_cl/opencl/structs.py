@@ -186,12 +186,13 @@ def scatter_structs(real, groups: int, elements: int, targets: int) -> dict[str,
     Target: a disk, its centre from each group's origin and its axes in the world [mm]. Lobe, one per element: numbers:
     parameters of its kernels/scatter/scatter_*.cl; probability: of a ray to split; share: the share of split rays drawn
     from the lobe; its shape is the density (1 + d^2 inverse_l2)^(power - 1) about centre times the specular direction;
-    tis: total integrated scatter by the root of the cosine of incidence, at equal steps from 0 to 1; target: indices of
-    the targets that rays are aimed at.
+    phase: of a rough surface, per unit of n cos(theta), else 0; tis: the BSDF's integral over the hemisphere by the
+    root of the specular direction's cosine, at equal steps from 0 to 1; target: indices of the targets that rays are
+    aimed at.
     """
     target = np.dtype([("centre", real, (groups, 3)), ("axis_x", real, 3), ("axis_y", real, 3), ("axis_z", real, 3),
                        ("radius", real)], align=True)  # fmt: skip
-    names = ("probability", "share", "inverse_l2", "power", "centre")
+    names = ("probability", "share", "inverse_l2", "power", "centre", "phase")
     fields = [("numbers", real, 3), *((name, real) for name in names), ("tis", real, TIS_NODES)]
     lobe = np.dtype([*fields, ("target_count", np.int32), ("target", np.int32, max(targets, 1))], align=True)
     whole = [("targets", target, max(targets, 1)), ("lobes", lobe, max(elements, 1))]

@@ -26,7 +26,7 @@ from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system.memory import check_memory
 from irtscots_cl.tracing.estimators.path_sums import ENDS, TRACKED_PATHS, PathSums, TrackedPaths, ledger_of
 from irtscots_cl.tracing.options import TraceOptions
-from irtscots_cl.tracing.packing.components import pack_elements, pack_scatter, path_job
+from irtscots_cl.tracing.packing.components import is_rough, pack_elements, pack_scatter, path_job
 from irtscots_cl.tracing.packing.launch import launch_structure
 from irtscots_cl.tracing.packing.scene import pack
 from irtscots_cl.tracing.packing.sources import emitters
@@ -231,4 +231,7 @@ def _compose(
 
 
 def _model(component: Component) -> str:
+    """Name of a kernels/scatter/scatter_*.cl file, or none."""
+    if is_rough(component.scatter):
+        return "rough"
     return "none" if component.scatter is None else type(component.scatter).__name__.lower()

@@ -62,8 +62,16 @@ def pack_scatter(
     return out, structs
 
 
+def is_rough(model: object) -> bool:
+    """Whether a scatter model tells its total by the surface's roughness: it then depends on incidence and media."""
+    return isinstance(model, Harvey) and model.roughness_phase is not None
+
+
 def _pack_lobe(entry: np.ndarray, model: Lambertian | Harvey | ABg) -> None:
-    """A model's numbers and table, and the shape of the lobe that directions are drawn from: its own, or near it."""
+    """A model's numbers and table, and the shape of the lobe that directions are drawn from: its own, or near it.
+
+    The lobe of a given roughness has a total of 1 at normal incidence: kernels/scatter/scatter_rough.cl scales it.
+    """
     width, slope, centre = 1.0, 0.0, 0.0
     entry["numbers"] = float(model.bsdf(0.0)), 0.0, 0.0
     if isinstance(model, Harvey):
@@ -76,7 +84,12 @@ def _pack_lobe(entry: np.ndarray, model: Lambertian | Harvey | ABg) -> None:
     entry["power"] = power if abs(power) >= MIN_POWER else MIN_POWER
     entry["inverse_l2"], entry["centre"] = 1 / np.clip(width, *LOBE_WIDTHS) ** 2, centre
     cosine = np.linspace(0, 1, TIS_NODES) ** 2
-    entry["tis"] = model.tis_at(np.sqrt(1 - cosine**2))
+    entry["tis"] = model.above_horizon(np.sqrt(1 - cosine**2))
+    if is_rough(model):
+        total = float(model.lobe(1.0))
+        entry["numbers"][0] /= total
+        entry["tis"] /= total
+        entry["phase"] = model.roughness_phase
     entry["probability"] = SCATTER_CHANCE
 
 
