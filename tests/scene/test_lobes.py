@@ -101,7 +101,7 @@ def test_roughness_scatters_as_its_square_or_less():
 
 
 def test_an_interface_scatters_by_the_phase_that_its_roughness_gives():
-    """By the change of n cos(theta): (2 pi sigma (n2 - n1) / lambda)^2 at normal incidence, and Snell's law beside it."""
+    """By the change of n cos(theta): (2 pi sigma (n2 - n1) / lambda)^2 at normal incidence, else by Snell's law."""
     assert tis_of_roughness(5.0, 632.8, index_beyond=1.517) == pytest.approx(6.59e-4, abs=5e-7)  # as printed
     assert tis_of_roughness(5.0, 632.8) == pytest.approx(9.86e-3, abs=5e-6)  # a mirror's
     sine = math.sin(math.radians(50))
