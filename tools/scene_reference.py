@@ -103,7 +103,7 @@ MEANINGS = (
         "s": "slope",
         "b0": "BSDF in the specular direction",
         "tis": "total integrated scatter at normal incidence",
-        "roughness_nm": "rms roughness: with incidence and media it gives the total, see [stray-light.md](stray-light.md)",
+        "roughness_nm": "rms roughness: incidence and media make it a total, see [stray-light.md](stray-light.md)",
         "wavelength_nm": "wavelength in vacuum, for the roughness",
     }),
     ('... with model = "abg"', ABg, "BSDF = a / (b + d^g).", {

@@ -64,8 +64,9 @@ def test_ten_events_fill_sixty_bits():
     [
         ([(0, NOMINAL), (2, NOMINAL), (3, NOMINAL)], "direct"),
         ([(0, NOMINAL), (4, GHOST), (5, GHOST), (3, NOMINAL)], "ghost"),
-        ([(0, NOMINAL), (4, NOMINAL), (0, NOMINAL), (3, NOMINAL)], "ghost"),  # the mirror twice
-        ([(0, NOMINAL), (4, NOMINAL), (4, NOMINAL)], "ghost"),
+        ([(4, NOMINAL), (0, NOMINAL), (4, NOMINAL), (3, NOMINAL)], "direct"),  # a window before the mirror
+        ([(0, NOMINAL), (4, NOMINAL), (0, NOMINAL), (3, NOMINAL)], "direct"),  # a double pass
+        ([(4, NOMINAL), (0, NOMINAL), (4, GHOST), (0, NOMINAL), (4, NOMINAL), (3, NOMINAL)], "ghost"),
         ([(0, SCATTER), (2, NOMINAL), (3, NOMINAL)], "scatter"),
         ([(0, SCATTER), (4, GHOST), (5, GHOST), (3, NOMINAL)], "scatter"),
         ([(4, GHOST), (0, SCATTER), (3, NOMINAL)], "scatter"),

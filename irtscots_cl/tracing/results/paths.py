@@ -101,11 +101,12 @@ def events_of(code: int) -> list[tuple[int, int]]:
 
 
 def kind_of(code: int) -> int:
-    """Index of KINDS of a path: its strangest event; a path that meets an element twice is a ghost at least."""
-    events = events_of(code)
-    strangest = max((event for _, event in events), default=0)
-    again = len({number for number, _ in events}) < len(events)
-    return max(strangest, int(again))
+    """Index of KINDS of a path: its strangest event.
+
+    A ghost is light that an interface reflected instead of passing it on. How often a path meets an element does not
+    matter: the light of a window before the mirror crosses it twice, and is direct.
+    """
+    return max((event for _, event in events_of(code)), default=0)
 
 
 def name_of(code: int, elements: tuple[str, ...]) -> str:
