@@ -84,9 +84,7 @@ def add_trace_choices(parser: argparse.ArgumentParser, device_help: str = DEVICE
         help="philox (independent random numbers; default), sobol (Owen-scrambled Sobol points) or lattice (rank-1 "
         "lattice, shifted at random)",
     )
-    parser.add_argument(
-        "--precision", metavar="P", help="fp32 or fp64 arithmetic on the device; default fp32"
-    )
+    parser.add_argument("--precision", metavar="P", help="fp32 or fp64 arithmetic on the device; default fp32")
     parser.add_argument(
         "--smoothing",
         action="store_true",
@@ -151,7 +149,11 @@ PATH_CHOICES = ("bounce_limit", "least_chance", "branches", "aimed_scatter")
 def add_path_choices(parser: argparse.ArgumentParser) -> None:
     """Options of the non-sequential estimator; those that were not given are None."""
     parser.add_argument(
-        "--bounce-limit", type=int, metavar="B", help="nonsequential: events after which a ray is given up; default 10"
+        "--bounce-limit",
+        type=int,
+        metavar="B",
+        help="nonsequential: events after which a ray is given up, 1 to 42; default: what the scene's direct light "
+        "needs and 4 more, at least 10",
     )
     parser.add_argument(
         "--least-chance",

@@ -199,16 +199,19 @@ def scatter_structs(real, groups: int, elements: int, targets: int) -> dict[str,
     return {"Target": target, "Lobe": lobe, "Scatter": np.dtype(whole, align=True)}
 
 
-PATH = np.dtype(
-    [
-        ("low", np.uint32),  # low word of its code
-        ("high", np.uint32),
-        ("scale", np.float32),  # factor that turns weights into whole numbers
-        ("class_scale", np.float32),
-        ("kind", np.int32),  # number of its event class
-    ],
-    align=True,
-)
+EVENT_BITS = 6  # of an event in a path's code: kernels/elements/path_code.cl
+PATH_WORDS = {"short": 2, "long": 8}  # of a path's code: kernels/elements/path_code_*.cl
+SHORT_EVENTS, MAX_EVENTS = (32 * words // EVENT_BITS for words in PATH_WORDS.values())  # of a path, by its code
+
+
+def path_dtype(code: str) -> np.dtype:
+    """A path that is tracked. code: of PATH_WORDS. word: its code, the lowest word first; scale: factor that turns its
+    weights into whole numbers; class_scale: the same for the images of its event class, whose number is kind."""
+    return np.dtype([("word", np.uint32, PATH_WORDS[code]), ("scale", np.float32), ("class_scale", np.float32),
+                     ("kind", np.int32)], align=True)  # fmt: skip
+
+
+PATH = path_dtype("short")
 
 
 KNOWN_STEPS = 2

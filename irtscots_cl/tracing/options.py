@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from irtscots_cl.opencl.structs import PRECISIONS
+from irtscots_cl.opencl.structs import MAX_EVENTS, PRECISIONS
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.samplers import SAMPLERS
 
@@ -14,7 +14,7 @@ ANALYTIC = "analytic"  # the one that does not
 NONSEQUENTIAL = "nonsequential"  # from element to element in any order, by path
 BRANCHES = ("random", "split")  # of a ray at an interface: one of them, chosen at random, or both
 EARLIER_BRANCHES = {"roulette": "random", "both": "split"}  # names that go on working
-MAX_EVENTS = 10  # of a path
+EXTRA_EVENTS = 4  # that a ghost may have beside those of the direct light: two reflections between neighbours, twice
 MIN_CHANCE = 0.1  # of either branch at an interface
 MAX_SMOOTHED_RAYS = 2**32  # per pixel and replicate: a sum of so many 32-bit amounts stays below 2^63
 
@@ -29,7 +29,8 @@ class TraceOptions:
     every ray stands for its whole chord through the camera's aperture (kernels/entry/trace_lines.cl); a central hole
     must be wider than the aperture's blur on the mirror, or its rim is told only roughly.
 
-    Of the non-sequential estimator alone: bounce_limit: events after which a ray is given up (and counted).
+    Of the non-sequential estimator alone: bounce_limit: events after which a ray is given up (and counted), 1 to
+    MAX_EVENTS; None: as many as the direct light meets elements, and EXTRA_EVENTS, but at least 10.
     least_chance: probability with which a ray is reflected or refracted at an interface, however small that share of
     its light is; its weight makes up for it. branches: "random" follows one of them, "split" both, as long as the
     weaker one weighs a thousandth of a ray and there is room for more rays. aimed_scatter: scattered rays are also
@@ -43,7 +44,7 @@ class TraceOptions:
     aim: str = "mirror"
     overfill: float = 1.0
     smoothing: bool = False
-    bounce_limit: int = MAX_EVENTS
+    bounce_limit: int | None = None
     least_chance: float = MIN_CHANCE
     branches: str = "random"
     aimed_scatter: bool = True
@@ -67,7 +68,7 @@ class TraceOptions:
             raise ValueError(f"--aim {self.aim}: must go with --estimator forward, not {self.estimator}")
         if self.smoothing and self.estimator != "adjoint":
             raise ValueError(f"--smoothing: must go with --estimator adjoint, not {self.estimator}")
-        if not 1 <= self.bounce_limit <= MAX_EVENTS:
+        if self.bounce_limit is not None and not 1 <= self.bounce_limit <= MAX_EVENTS:
             raise ValueError(f"--bounce-limit = {self.bounce_limit}: must be 1 to {MAX_EVENTS}")
         if not 0 <= self.least_chance <= 0.5:
             raise ValueError(f"--least-chance = {self.least_chance}: must be 0 to 0.5")

@@ -18,7 +18,6 @@ from irtscots_cl.tracing.estimators.sequential import trace_rays
 from irtscots_cl.tracing.fingerprint import trace_fingerprint
 from irtscots_cl.tracing.options import (
     ANALYTIC,
-    MAX_EVENTS,
     MAX_SMOOTHED_RAYS,
     MIN_CHANCE,
     NONSEQUENTIAL,
@@ -43,7 +42,7 @@ def trace(
     aim: str = "mirror",
     overfill: float = 1.0,
     smoothing: bool = False,
-    bounce_limit: int = MAX_EVENTS,
+    bounce_limit: int | None = None,
     least_chance: float = MIN_CHANCE,
     branches: str = "random",
     aimed_scatter: bool = True,

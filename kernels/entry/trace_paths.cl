@@ -24,7 +24,7 @@ INLINE void emit(const Trace *trace, const Emitter *emitter, const Words *words,
         rays->dz[v] = screen->axis_x[2] * aim.l + screen->axis_y[2] * aim.m + screen->axis_z[2] * n;
         rays->l1_norm[v] = l1_norm_of(rays->x[v], rays->y[v], rays->z[v]);
         rays->weight[v] = (realv)(emitter->aim_ll * emitter->aim_mm * trace->job->inverse_unit_area);
-        rays->path_low[v] = rays->path_high[v] = (uintv)(0);
+        for (int w = 0; w < PATH_WORDS; ++w) rays->path[w][v] = (uintv)(0);
         rays->key[v] = ray_words(keys, 0, v);
         rays->group[v] = (intv)(trace->job->screen_group);
         rays->last[v] = (intv)(trace->job->screen_element);
@@ -52,7 +52,8 @@ INLINE Interaction interaction_begin(const Trace *trace, const Rays *rays, int v
     at.event = (intv)(EVENT_NOMINAL);
     at.room = (intv)(stack_room(trace->stack));
     at.ends = to_mask(at.event != at.event);
-    at.draw = path_word(rays->key[v], rays->path_low[v], rays->path_high[v], number);
+    const PathCode path = path_of(rays, v);
+    at.draw = path_word(rays->key[v], &path, number);
     return at;
 }
 

@@ -15,5 +15,5 @@ INLINE void split_ray(const Trace *trace, const Rays *rays, int v, int k, vec3s 
     ((real *)waiting->dy)[place] = along.y;
     ((real *)waiting->dz)[place] = along.z;
     ((real *)waiting->weight)[place] = weight;
-    ((uint *)waiting->path_low)[place] += as - event;
+    ((uint *)waiting->path[0])[place] += as - event;
 }

@@ -36,6 +36,7 @@ PATH_FAMILIES = {
     "path_rng": ["none", "philox"],
     "ray_stack": ["none", "list"],
     "branch": ["random", "split"],
+    "path_code": ["short", "long"],
 }
 STRUCTS = {"Launch": LAUNCH}
 
@@ -57,8 +58,7 @@ def scene_for(choices):
     zernike = base.mirror.zernike if choices["zernike"] == "clenshaw" else (few,)
     size = 1e-6 if choices["arrival"] == "compensated" else 1.0
     zernike = tuple(
-        replace(terms, coefficients_um={j: c * size for j, c in terms.coefficients_um.items()})
-        for terms in zernike
+        replace(terms, coefficients_um={j: c * size for j, c in terms.coefficients_um.items()}) for terms in zernike
     )
     mirror = Mirror(
         radius_mm=1500.0,
@@ -164,9 +164,7 @@ def test_precision_and_width_choose_the_types():
 
 
 def test_an_entry_elsewhere_includes_files_of_the_folder(tmp_path):
-    entry = write(
-        tmp_path / "mine.cl", '#include "philox.cl"\n__kernel void mine(__global int *x) { x[0] = WIDTH; }\n'
-    )
+    entry = write(tmp_path / "mine.cl", '#include "philox.cl"\n__kernel void mine(__global int *x) { x[0] = WIDTH; }\n')
     source = compose(entry, {}, STRUCTS, "fp32", 1)
     assert source.files == ("real_float.cl", "simd_scalar.cl", "philox.cl", "mine.cl")
 
@@ -215,9 +213,7 @@ def test_a_compilers_message_names_file_and_line(device, tmp_path, temporary, li
     lines = ["// nothing"] * 6
     lines[0] = lines[2] = '#include "philox.cl"'
     lines.insert(line - 1, "int broken = no_such_name;")
-    entry = write(
-        tmp_path / "broken_here.cl", "\n".join([*lines, "__kernel void broken_here(__global int *x) {}", ""])
-    )
+    entry = write(tmp_path / "broken_here.cl", "\n".join([*lines, "__kernel void broken_here(__global int *x) {}", ""]))
     with pytest.raises(DeviceError) as caught:
         build(device, compose(entry, {}, STRUCTS, "fp32", 1))
     message = str(caught.value)
@@ -245,9 +241,7 @@ def test_building_twice_gives_the_same_program(device):
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_no_number_and_no_string_of_a_scene_reaches_the_source(estimator):
     first = lopsided()
-    second = replace(
-        first, name="Xx-another_Name.9", mirror=replace(first.mirror, radius_mm=1501.25, reflectance=0.5)
-    )
+    second = replace(first, name="Xx-another_Name.9", mirror=replace(first.mirror, radius_mm=1501.25, reflectance=0.5))
     texts = []
     for scene in (first, second):
         packed = pack(ChiefRays(scene), "fp32")

@@ -6,13 +6,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from irtscots_cl.opencl.structs import EVENT_BITS, SHORT_EVENTS
 from irtscots_cl.optics.screen_windows import Windows
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.results.transport import TraceResult
 
 KINDS = ("direct", "ghost", "scatter")  # of paths, by the strangest event: kernels/elements/ray.cl
-PATH_BITS = 6  # of an event in a path's code: as there
+PATH_BITS = EVENT_BITS
 MARKS = ("", " (r)", " (s)")  # of events in names: reflected at a refractor, scattered
 
 
@@ -46,11 +47,11 @@ class LostFlux:
 class PathLight(TraceResult):
     """Result of a non-sequential trace.
 
-    paths: by flux, the largest first; the last, "other", holds those that the pilot run had not found. staying: light
+    paths: by flux, the largest first; the last, "other", holds those that the pilot run had not found. losses: light
     that does not reach the detector, absorbed at elements, escaped or given up; in steps of 2^-20 of a ray. launched_w:
-    flux that leaves the screen in all; paths and staying add up to it in the mean. images_w: [replicates, KINDS, screen
+    flux that leaves the screen in all; paths and losses add up to it in the mean. images_w: [replicates, KINDS, screen
     columns + rows, detector pixels] under single lines [W]. ends: rays by where they ended. ledger: the same in the
-    words of all estimators. The rest as in transport.Transport.
+    words of all estimators. bounce_limit: events after which rays were given up. The rest as in transport.Transport.
     """
 
     scene: Scene
@@ -64,6 +65,7 @@ class PathLight(TraceResult):
     ends: dict[str, int]
     ledger: dict[str, int]
     seconds: dict[str, float]
+    bounce_limit: int = SHORT_EVENTS
 
     @property
     def windows(self) -> Windows:
