@@ -146,6 +146,16 @@ def print_json(data: object) -> None:
 PATH_CHOICES = ("bounce_limit", "least_chance", "branches", "aimed_scatter")
 
 
+def add_overfill(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--overfill",
+        type=float,
+        metavar="F",
+        help="forward, nonsequential: solid angle of the cone that rays leave the screen in, over the least one that "
+        "covers the mirror (or, with --aim camera, the part of it that lights the camera); default 1",
+    )
+
+
 def add_path_choices(parser: argparse.ArgumentParser) -> None:
     """Options of the non-sequential estimator; those that were not given are None."""
     parser.add_argument(

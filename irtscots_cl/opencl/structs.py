@@ -57,6 +57,19 @@ def emitter_dtype(real) -> np.dtype:
     )
 
 
+def cone_dtype(real) -> np.dtype:
+    """An ellipse of directions of a screen pixel, as in Emitter; density: share of the rays over aim_ll aim_mm."""
+    names = ("centre_l", "centre_m", "aim_ll", "aim_ml", "aim_mm", "density")
+    return np.dtype([(name, real) for name in names], align=True)
+
+
+def cones_emitter_dtype(real, cones: int) -> np.dtype:
+    """An Emitter whose rays go into several cones (optics/elements/emission.py); its own aim is the first of them."""
+    emitter = emitter_dtype(real)
+    fields = [(name, emitter[name]) for name in emitter.names]
+    return np.dtype([*fields, ("cones", cone_dtype(real), cones)], align=True)
+
+
 def receiver_dtype(real) -> np.dtype:
     """A detector pixel that can see the mirror, as the adjoint estimator's source.
 
@@ -217,16 +230,18 @@ PATH = path_dtype("short")
 KNOWN_STEPS = 2
 
 
-def path_job_dtype(real) -> np.dtype:
-    """Parameters of a non-sequential launch: sizes of its tables, and the start of its rays.
+def path_job_dtype(real, cones: int = 1) -> np.dtype:
+    """Parameters of a non-sequential launch: sizes of its tables, and the start of its rays, which go into `cones`.
 
     found_size: number of entries for found paths, 0 in a run that stores images. screen_group, screen_element: the
     group and the element where rays start. inverse_unit_area: 1 / (aim_ll aim_mm) of the emitter whose rays have weight
-    1. may: bits of the elements that a ray may meet in its first steps.
+    1. may: bits of the elements that a ray may meet in its first steps. cone_from: if there are several cones, the
+    least number, of 32 bits, of the rays of each but the first.
     """
     names = ("path_count", "element_count", "found_size", "bounce_limit", "screen_group", "screen_element")
     fields = [(name, np.int32) for name in names]
-    return np.dtype([*fields, ("inverse_unit_area", real), ("may", np.uint32, KNOWN_STEPS)], align=True)
+    fields += [("inverse_unit_area", real), ("may", np.uint32, KNOWN_STEPS)]
+    return np.dtype(fields + [("cone_from", np.uint32, (cones - 1,))] * (cones > 1), align=True)
 
 
 _C_NAMES = {

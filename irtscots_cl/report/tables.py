@@ -32,6 +32,7 @@ def path_tables(facts: PathReport) -> list[Table]:
     shown_end = {"bounce limit": f"given up after {facts['bounce_limit']} events (--bounce-limit)"}
     ends = [(shown_end.get(end, end), f"{count:,}", flux.get(end, ""))
             for end, count in facts["ends"].items() if count or end in flux]  # fmt: skip
+    ends += [(end, "", watts) for end, watts in flux.items() if end not in facts["ends"]]
     return [
         Table(
             f"{facts['scene']}: paths from the screen to the detector",

@@ -24,8 +24,8 @@ class TraceOptions:
     """How to trace. Refuses what is out of range with a ValueError that names the command line's option.
 
     estimator: "forward", "adjoint", "analytic" or "nonsequential". sampler: a name of samplers.SAMPLERS. precision:
-    "fp32" or "fp64". seed: 64 bits. aim: forward only, "mirror" or "camera". overfill: forward only, solid
-    angle of the emission over the least that covers what it is aimed at. smoothing: adjoint only,
+    "fp32" or "fp64". seed: 64 bits. aim: forward only, "mirror" or "camera". overfill: forward and nonsequential, solid
+    angle of the cone that rays leave in over the least one that covers what it is aimed at. smoothing: adjoint only,
     every ray stands for its whole chord through the camera's aperture (kernels/entry/trace_lines.cl); a central hole
     must be wider than the aperture's blur on the mirror, or its rim is told only roughly.
 

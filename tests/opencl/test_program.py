@@ -37,6 +37,7 @@ PATH_FAMILIES = {
     "ray_stack": ["none", "list"],
     "branch": ["random", "split"],
     "path_code": ["short", "long"],
+    "cones": ["single", "several"],
 }
 STRUCTS = {"Launch": LAUNCH}
 

@@ -64,25 +64,27 @@ def walk(
         at = at + nearest[:, None] * along
         reflected = np.zeros(len(rays), bool) if reflects is None else reflects(step, rays)
         normals, goes = np.zeros_like(at), np.full_like(at, np.nan)
-        for number in np.unique(numbers):
-            here = numbers == number
-            component = components[number]
-            local = (at[here] - component.frame.position_mm) @ component.frame.axes.T
-            way = along[here] @ component.frame.axes.T
-            normals[here] = surface_normal(component, local) @ component.frame.axes
-            for event in (NOMINAL, GHOST) if component.refracts else (NOMINAL,):
-                of = here & (reflected == (event == GHOST)) if component.refracts else here
-                part = of[here]
-                goes[of] = interact(component, event, local[part], way[part]) @ component.frame.axes
-            if component.refracts:  # total reflection
-                lost = here & np.isnan(goes[:, 0])
-                part = lost[here]
-                goes[lost] = interact(component, GHOST, local[part], way[part]) @ component.frame.axes
-            if component.kind in ("detector", "absorber", "diffuser"):
-                goes[here] = np.nan
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for number in np.unique(numbers):
+                here = np.flatnonzero(numbers == number)
+                normals[here], goes[here] = _event(components[number], at[here], along[here], reflected[here])
         yield Visit(rays, numbers, at, along, normals, goes)
         left = np.isfinite(goes[:, 0])
         rays, at, along, stands = rays[left], at[left], goes[left], numbers[left]
+
+
+def _event(component: Component, at, along, reflected) -> tuple[np.ndarray, np.ndarray]:
+    """Normals and directions afterwards [n, 3], in the world, of rays at an element. reflected: where it refracts."""
+    axes = component.frame.axes
+    local, way = (at - component.frame.position_mm) @ axes.T, along @ axes.T
+    goes = np.full_like(way, np.nan)
+    if component.refracts:
+        goes = interact(component, NOMINAL, local, way)
+        mirrored = interact(component, GHOST, local, way)
+        goes = np.where((reflected | np.isnan(goes[:, 0]))[:, None], mirrored, goes)  # NaN: total reflection
+    elif component.kind in ("mirror", "lens"):
+        goes = interact(component, NOMINAL, local, way)
+    return surface_normal(component, local) @ axes, goes @ axes
 
 
 def _nearest(components, at, along, stands) -> tuple[np.ndarray, np.ndarray]:

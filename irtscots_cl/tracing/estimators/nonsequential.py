@@ -16,10 +16,10 @@ from irtscots_cl.execution.launch_plan import RayBlock, plan_launches
 from irtscots_cl.execution.task import TraceProgram
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.program import Source, check_precision, compose
-from irtscots_cl.opencl.structs import MAX_EVENTS, PATH_WORDS, PRECISIONS, SHORT_EVENTS, path_dtype
+from irtscots_cl.opencl.structs import MAX_EVENTS, PATH_WORDS, PRECISIONS, SHORT_EVENTS, cone_dtype, path_dtype
 from irtscots_cl.optics.chief_rays import check_visible
-from irtscots_cl.optics.elements.components import Component, components_of
-from irtscots_cl.optics.elements.direct_light import longest_direct_path
+from irtscots_cl.optics.elements.components import Component
+from irtscots_cl.optics.elements.emission import Emission
 from irtscots_cl.optics.elements.media import check_media
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.presets import parse_scene
@@ -27,11 +27,11 @@ from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system.memory import check_memory
 from irtscots_cl.tracing.estimators.path_sums import ENDS, TRACKED_PATHS, PathSums, TrackedPaths, ledger_of
 from irtscots_cl.tracing.options import EXTRA_EVENTS, TraceOptions
-from irtscots_cl.tracing.packing.components import is_rough, pack_elements, pack_scatter, path_job
+from irtscots_cl.tracing.packing.components import is_rough, pack_elements, pack_scatter, path_job, unit_area
 from irtscots_cl.tracing.packing.launch import launch_structure
 from irtscots_cl.tracing.packing.scene import pack
-from irtscots_cl.tracing.packing.sources import emitters
-from irtscots_cl.tracing.results.paths import KINDS, PathLight
+from irtscots_cl.tracing.packing.sources import check_screen_memory, cone_emitters, cone_starts
+from irtscots_cl.tracing.results.paths import KINDS, NOT_TRACED, LostFlux, PathLight
 
 PILOT_RAYS = 2**22  # that look for paths
 PILOT = 2**20  # their replicate, which no run has
@@ -96,17 +96,16 @@ class PathTask:
     def __reduce__(self):
         return type(self).from_json, (self.to_json(),)
 
-    @cached_property
+    @property
     def components(self) -> tuple[Component, ...]:
-        return components_of(self.setup.scene)
+        return self.setup.components
 
     @cached_property
     def bounce_limit(self) -> int:
         """Events after which a ray is given up."""
         if self.options.bounce_limit is not None:
             return self.options.bounce_limit
-        direct = longest_direct_path(self.setup.chief_rays, self.components)
-        return min(max(direct + EXTRA_EVENTS, SHORT_EVENTS), MAX_EVENTS)
+        return min(max(self.setup.longest_direct_path + EXTRA_EVENTS, SHORT_EVENTS), MAX_EVENTS)
 
     @property
     def code_length(self) -> str:
@@ -128,12 +127,17 @@ class PathTask:
     @property
     def source_structs(self) -> np.ndarray:
         """The kernel's emitters [sources]."""
-        return self._emitters[0]
+        return self._source_structs
 
     @cached_property
-    def _emitters(self) -> tuple[np.ndarray, np.ndarray]:
-        options = self.options
-        return emitters(self.setup, options.precision, options.overfill, options.aim)
+    def _source_structs(self) -> np.ndarray:
+        return cone_emitters(self.setup, self.options.precision, self.emission)
+
+    @cached_property
+    def emission(self) -> Emission:
+        """The directions in which rays leave the screen."""
+        check_screen_memory(self.setup.scene)
+        return self.setup.emission(self.options.overfill)
 
     @property
     def _gain(self) -> float:
@@ -141,13 +145,26 @@ class PathTask:
 
     @property
     def launched_w(self) -> float:
-        """Flux of all rays [W]."""
-        return self._gain * float(self._emitters[1].sum())
+        """Flux that leaves the screen [W]: pi x its radiance x its area."""
+        return float(np.pi) * self._gain * self.sources
+
+    @property
+    def traced_w(self) -> float:
+        """Flux of all rays [W]: of launched_w, what goes into the cones."""
+        cones = self.emission.cones
+        return self._gain * float(cones[0].area.sum()) if len(cones) == 1 else self.launched_w
 
     @property
     def light(self) -> PathSums:
         """What the task's sums say."""
-        return PathSums(self.components, self.tracked, self.sources, self._gain * float(self._emitters[1].max()))
+        return PathSums(self.components, self.tracked, self.sources, self._gain * self._unit_area)
+
+    @property
+    def _unit_area(self) -> float:
+        """Of direction cosines: what a ray of weight 1 stands for."""
+        if len(self.emission.cones) == 1:
+            return float(self.emission.cones[0].area.max())
+        return float(np.pi * unit_area(self.source_structs))
 
     def program(self, device: Device, pilot: bool = False) -> TraceProgram:
         """The task's program on a device. pilot: it lists the detected rays in its scratch memory instead."""
@@ -155,10 +172,12 @@ class PathTask:
         check_precision(device, options.precision)
         real, packed = PRECISIONS[options.precision], pack(self.setup.chief_rays, options.precision)
         elements = pack_elements(scene, components, real, options.least_chance)
-        job = path_job(scene, components, real, self.bounce_limit, self.source_structs)
+        job = path_job(scene, components, real, self.bounce_limit, self.source_structs, cone_starts(self.emission))
         scatter, structs = pack_scatter(scene, components, real, options.aimed_scatter)
-        structs |= {"Element": elements.dtype, "Path": path_dtype(self.code_length), "PathJob": job.dtype}
-        source = _compose(packed, components, structs, options, device, {"path_code": self.code_length})
+        structs |= {"Element": elements.dtype, "Path": path_dtype(self.code_length), "PathJob": job.dtype,
+                    "Emitter": self.source_structs.dtype}  # fmt: skip
+        structs = {"Cone": cone_dtype(real)} | packed.structs | structs
+        source = _compose(packed, components, structs, options, device, self._files)
         inputs = (packed.scene, self.source_structs, elements, scatter)
         table = self.tracked.table(self.code_length)
         fingerprint = {"code": source.digest, "inputs": hash_of(*inputs, job), "paths": hash_of(table)}
@@ -167,8 +186,22 @@ class PathTask:
         inputs = (*inputs, table)
         return TraceProgram(source, "trace_paths", inputs, self._launch, fingerprint, found_bytes, after=(job,))
 
+    @property
+    def _files(self) -> dict[str, str]:
+        """Choices of files that the scene's cones and the length of its paths make."""
+        return {
+            "path_code": self.code_length,
+            "cones": "single" if len(self.emission.cones) == 1 else "several",
+        }
+
     def _launch(self, replicate: int, block: RayBlock, per_item: int) -> np.ndarray:
         return launch_structure(self.setup.scene, self.options, replicate, block, per_item)
+
+    def _losses(self, sums: np.ndarray, rays: np.ndarray) -> tuple[LostFlux, ...]:
+        """Light that does not reach the detector; first of all what is not traced."""
+        left_w = self.launched_w - self.traced_w
+        not_traced = (LostFlux(NOT_TRACED, left_w, 0.0),) if len(self.emission.cones) == 1 else ()
+        return (*not_traced, *self.light.losses(sums, rays))
 
     def to_json(self) -> str:
         return json.dumps({"scene": self.setup.scene.to_toml(), "options": asdict(self.options),
@@ -188,7 +221,7 @@ class PathTask:
         ends = light.ends(sums, int(rays.sum()) * self.sources)
         images_w = images * (light.unit_w / self.tracked.of_kind)[None, :, None, None] / rays[:, None, None, None]
         return PathLight(
-            scene, self.options, device, light.fluxes(sums, rays), light.losses(sums, rays), self.launched_w, images_w,
+            scene, self.options, device, light.fluxes(sums, rays), self._losses(sums, rays), self.launched_w, images_w,
             rays, ends, ledger_of(ends), seconds, self.bounce_limit,
         )  # fmt: skip
 
@@ -269,7 +302,7 @@ def _compose(
     first = (*deviated, *(f"interact_{kind}.cl" for kind in sorted(kinds)), *tallies,
              *(f"scatter_{model}.cl" for model in sorted(models)))  # fmt: skip
     width = device.vector_width(options.precision)
-    return compose("trace_paths.cl", choices, packed.structs | structs, options.precision, width, packed.constants,
+    return compose("trace_paths.cl", choices, structs, options.precision, width, packed.constants,
                    {"ELEMENTS(DO)": calls}, first)  # fmt: skip
 
 

@@ -34,6 +34,9 @@ class PathFlux:
     blur_mm: float = float("nan")
 
 
+NOT_TRACED = "beside the mirror, not traced"  # a LostFlux's name
+
+
 @dataclass(frozen=True)
 class LostFlux:
     """Light that ends elsewhere than on the detector. standard_error_w: as of PathFlux."""
@@ -48,10 +51,11 @@ class PathLight(TraceResult):
     """Result of a non-sequential trace.
 
     paths: by flux, the largest first; the last, "other", holds those that the pilot run had not found. losses: light
-    that does not reach the detector, absorbed at elements, escaped or given up; in steps of 2^-20 of a ray. launched_w:
-    flux that leaves the screen in all; paths and losses add up to it in the mean. images_w: [replicates, KINDS, screen
-    columns + rows, detector pixels] under single lines [W]. ends: rays by where they ended. ledger: the same in the
-    words of all estimators. bounce_limit: events after which rays were given up. The rest as in transport.Transport.
+    that does not reach the detector, absorbed at elements, escaped or given up, in steps of 2^-20 of a ray; and first,
+    if rays go into the mirror's cone alone, what leaves beside it. launched_w: flux that leaves the screen in all, pi
+    times its radiance and area; paths and losses add up to it in the mean. images_w: [replicates, KINDS, screen columns
+    + rows, detector pixels] under single lines [W]. ends: rays by where they ended. ledger: the same in the words of
+    all estimators. bounce_limit: events after which rays were given up. The rest as in transport.Transport.
     """
 
     scene: Scene

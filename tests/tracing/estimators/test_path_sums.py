@@ -121,5 +121,6 @@ def test_the_flux_of_all_rays_is_the_screens(work):
     aim = work.source_structs
     areas = np.array(aim["aim_ll"]) * np.array(aim["aim_mm"])
     assert len(areas) == work.sources == 49
-    assert work.launched_w > 0
-    assert work.light.unit_w * areas.sum() / areas.max() == pytest.approx(work.launched_w, rel=1e-6)  # float32
+    assert work.launched_w == pytest.approx(np.pi * 49 * 0.6**2, rel=1e-12)  # radiance 1
+    assert work.light.unit_w * areas.sum() / areas.max() == pytest.approx(work.traced_w, rel=1e-6)  # float32
+    assert 0 < work.traced_w < 0.1 * work.launched_w
