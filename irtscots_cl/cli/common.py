@@ -143,7 +143,7 @@ def print_json(data: object) -> None:
     print(json.dumps(data, indent=2))
 
 
-PATH_CHOICES = ("bounce_limit", "least_chance", "branches", "aimed_scatter")
+PATH_CHOICES = ("bounce_limit", "least_chance", "branches", "aimed_scatter", "polarisation")
 
 
 def add_overfill(parser: argparse.ArgumentParser) -> None:
@@ -184,4 +184,10 @@ def add_path_choices(parser: argparse.ArgumentParser) -> None:
         action="store_false",
         default=None,
         help="nonsequential: draw scattered rays from the lobe alone, none towards the camera",
+    )
+    parser.add_argument(
+        "--polarisation",
+        metavar="P",
+        help="nonsequential: whether rays carry their polarisation from interface to interface, on, off or auto (where "
+        "it changes the direct light by more than 1e-4); default auto",
     )

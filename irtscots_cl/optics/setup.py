@@ -9,6 +9,7 @@ from irtscots_cl.optics.chief_rays import ChiefRays, trace_chief_rays
 from irtscots_cl.optics.elements.components import Component, components_of
 from irtscots_cl.optics.elements.direct_light import longest_direct_path
 from irtscots_cl.optics.elements.emission import Emission, plan_emission
+from irtscots_cl.optics.elements.polarisation import polarisation_change
 from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.optics.screen_windows import Windows, place_windows
 from irtscots_cl.scene.model import Scene
@@ -59,6 +60,11 @@ class Setup:
     @cached_property
     def longest_direct_path(self) -> int:
         return longest_direct_path(self.chief_rays, self.components)
+
+    @cached_property
+    def polarisation_change(self) -> float:
+        """Largest relative change of the direct light by its polarisation between interfaces, an estimate."""
+        return polarisation_change(self.chief_rays, self.components)
 
     def emission(self, overfill: float) -> Emission:
         """The non-sequential estimator's, with a mirror's cone of `overfill` times the area."""

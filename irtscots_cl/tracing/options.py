@@ -13,6 +13,7 @@ AIMS = ("mirror", "camera")  # of the forward estimator
 ANALYTIC = "analytic"  # the one that does not
 NONSEQUENTIAL = "nonsequential"  # from element to element in any order, by path
 BRANCHES = ("random", "split")  # of a ray at an interface: one of them, chosen at random, or both
+POLARISATION = ("auto", "on", "off")  # of the non-sequential estimator's rays
 EARLIER_BRANCHES = {"roulette": "random", "both": "split"}  # names that go on working
 EXTRA_EVENTS = 4  # that a ghost may have beside those of the direct light: two reflections between neighbours, twice
 MIN_CHANCE = 0.1  # of either branch at an interface
@@ -34,7 +35,9 @@ class TraceOptions:
     least_chance: probability with which a ray is reflected or refracted at an interface, however small that share of
     its light is; its weight makes up for it. branches: "random" follows one of them, "split" both, as long as the
     weaker one weighs a thousandth of a ray and there is room for more rays. aimed_scatter: scattered rays are also
-    aimed at the camera (components.targets_of); without, only what finds it at random counts.
+    aimed at the camera (components.targets_of); without, only what finds it at random counts. polarisation: whether
+    rays carry their linear polarisation from interface to interface, "on" or "off"; "auto": where it changes the
+    direct light by more than 1e-4 (optics/elements/polarisation.py).
     """
 
     estimator: str = "adjoint"
@@ -48,6 +51,7 @@ class TraceOptions:
     least_chance: float = MIN_CHANCE
     branches: str = "random"
     aimed_scatter: bool = True
+    polarisation: str = "auto"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "branches", EARLIER_BRANCHES.get(self.branches, self.branches))
@@ -57,6 +61,7 @@ class TraceOptions:
             ("precision", self.precision, tuple(PRECISIONS)),
             ("aim", self.aim, AIMS),
             ("branches", self.branches, BRANCHES),
+            ("polarisation", self.polarisation, POLARISATION),
         ):
             if value not in allowed:
                 raise ValueError(f"--{option} = {value!r}: must be one of {', '.join(allowed)}")
@@ -83,7 +88,7 @@ class TraceOptions:
 PATH_OPTIONS = {
     field.name: field.default
     for field in fields(TraceOptions)
-    if field.name in ("bounce_limit", "least_chance", "branches", "aimed_scatter")
+    if field.name in ("bounce_limit", "least_chance", "branches", "aimed_scatter", "polarisation")
 }
 
 

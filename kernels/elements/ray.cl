@@ -2,13 +2,14 @@
 // Frame: world axes, with positions from the origin of a group (the mirror, the camera, the screen or a far element),
 // so that coordinates stay small near each of them. Unit: mm.
 #include "path_code.cl"
+#include "light_*.cl"
 
 // All fields of a ray: type of one lane, name. weight: remaining share of the emitted flux. key: the ray's random
 // word. last: the element that the ray stands on,
 // or -1; before: the element it stood on before that, if the two touch, else -1. l1_norm: |x| + |y| + |z|.
 #define RAY_FIELDS(DO) \
     DO(real, x) DO(real, y) DO(real, z) DO(real, dx) DO(real, dy) DO(real, dz) DO(real, weight) DO(real, l1_norm) \
-    DO(uint, key) DO(int, group) DO(int, last) DO(int, before) DO(int, bounces)
+    DO(uint, key) DO(int, group) DO(int, last) DO(int, before) DO(int, bounces) LIGHT_FIELDS(DO)
 
 #define realV realv
 #define uintV uintv

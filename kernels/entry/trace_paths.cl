@@ -25,6 +25,7 @@ INLINE void emit(const Trace *trace, __global const Emitter *emitter, const Word
         rays->dz[v] = screen->axis_x[2] * aim.l + screen->axis_y[2] * aim.m + screen->axis_z[2] * aim.n;
         rays->l1_norm[v] = l1_norm_of(rays->x[v], rays->y[v], rays->z[v]);
         rays->weight[v] = aim.weight;
+        light_emit(rays, v);
         for (int w = 0; w < PATH_WORDS; ++w) rays->path[w][v] = (uintv)(0);
         rays->key[v] = ray_words(keys, 0, v);
         rays->group[v] = (intv)(trace->job->screen_group);
@@ -80,6 +81,7 @@ INLINE Visit visit_begin(const Trace *trace, const Rays *rays, int v, int number
     visit.ray = element_ray(visit.element, rays, v, &offset);
     visit.bound = element_bound(rays, v, &offset);
     visit.at = interaction_begin(trace, rays, v, &visit.ray, number);
+    visit.at.light = light_arrive(visit.element, rays, v);
     return visit;
 }
 

@@ -154,7 +154,7 @@ INLINE void scatter_split(const Trace *trace, const Rays *rays, int v, int k, __
                           const Interaction *at, const Scattered *scattered, real bsdf) {
     const real weight = bsdf * scattered->cosine / scattered->density;
     split_ray(trace, rays, v, k, scattered->along, ((const real *)&rays->weight[v])[k] * weight / lobe->probability,
-              ((const int *)&at->event)[k], EVENT_SCATTER);
+              ((const int *)&at->event)[k], EVENT_SCATTER, light_natural());
 }
 
 // The two functions of a scatter model, made from its bsdf_*(lobe, d^2). *_left: the share of an interaction's light

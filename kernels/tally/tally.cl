@@ -1,5 +1,5 @@
 // Tallies of a non-sequential trace: rays and weights where they end, and the detector's images by path. Unit: mm.
-#include "interaction.cl"
+#include "carry_*.cl"
 #include "ray_stack_*.cl"
 #include "sum64.cl"
 
@@ -96,6 +96,7 @@ INLINE void interaction_end(__constant Element *element, Rays *rays, int v, int 
     rays->dz[v] = meets ? d.z : rays->dz[v];
     rays->l1_norm[v] = l1_norm_of(rays->x[v], rays->y[v], rays->z[v]);
     rays->weight[v] = meets ? at->arriving * at->weight : rays->weight[v];
+    light_leave(element, rays, v, meets, at);
     PathCode path = path_of(rays, v);
     path_push(&path, as_uintv(at->event + (EVENT_KINDS * number + 1)));
     const intv here = to_int(meets);

@@ -39,6 +39,8 @@ PATH_FAMILIES = {
     "path_code": ["short", "long"],
     "cones": ["single", "several"],
 }
+# Chosen together: all of one member.
+LIGHT_FAMILIES = {family: ["unpolarised", "polarised"] for family in ("light", "carry", "fresnel")}
 STRUCTS = {"Launch": LAUNCH}
 
 
@@ -106,8 +108,9 @@ def test_no_kernel_file_is_dead():
     }
     for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
-    for members in itertools.product(*PATH_FAMILIES.values()):
+    for *members, light in itertools.product(*PATH_FAMILIES.values(), LIGHT_FAMILIES["light"]):
         choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power"}
+        choices |= dict.fromkeys(LIGHT_FAMILIES, light)
         first = [name for name in kernel_files() if name.startswith("interact_")]
         first += ["element_deviated.cl", *(name for name in kernel_files() if name.startswith("scatter_"))]
         first += ["tally_random.cl" if choices["branch"] == "random" else "tally_split.cl"]
@@ -129,8 +132,8 @@ def test_families_here_are_those_of_the_folder():
         for path in kernel_files().values()
         for star in re.findall(r'^#include "([a-z0-9_]+)_\*\.cl"', path.read_text(), re.M)
     }
-    assert stars == {*FAMILIES, *PATH_FAMILIES, "simd", "real"}
-    for family, members in (FAMILIES | PATH_FAMILIES).items():
+    assert stars == {*FAMILIES, *PATH_FAMILIES, *LIGHT_FAMILIES, "simd", "real"}
+    for family, members in (FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES).items():
         assert {f"{family}_{member}.cl" for member in members} == {
             name for name in kernel_files() if re.fullmatch(rf"{family}_[a-z0-9_]+\.cl", name)
         }

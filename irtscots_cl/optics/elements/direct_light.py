@@ -20,15 +20,24 @@ def longest_direct_path(chief: ChiefRays, components: tuple[Component, ...]) -> 
     mirror until they cross the screen's plane against its light, and on to the detector. An element counts as often as
     it is met.
     """
+    (back, _), (forth, _) = chief_walks(chief, components)
+    lens = any(component.name == "lens" for component in components)
+    return sum(1 for _ in back) + sum(1 for _ in forth) + int(lens)
+
+
+def chief_walks(chief: ChiefRays, components: tuple[Component, ...]):
+    """Visits of rays from the centre of the camera's aperture, and the components that they tell of by number.
+
+    Back by way of mirror_points until they cross the screen's plane against its light, and on towards the detector; the
+    rays of both have the same numbers.
+    """
     centre = chief.camera_frame.position_mm
-    ways = _mirror_points(chief) - centre
+    ways = mirror_points(chief) - centre
     ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
     starts = np.broadcast_to(centre, ways.shape)
     beside = tuple(component for component in components if component.name not in ("stop", "lens"))
     back = walk(beside, starts, ways, MAX_STEPS, passes=crosses_screen(chief.screen_frame))
-    forth = walk(beside, starts, -ways, MAX_STEPS)
-    lens = any(component.name == "lens" for component in components)
-    return sum(1 for _ in back) + sum(1 for _ in forth) + int(lens)
+    return (back, beside), (walk(beside, starts, -ways, MAX_STEPS), beside)
 
 
 def crosses_screen(screen: Frame):
@@ -43,7 +52,7 @@ def crosses_screen(screen: Frame):
     return crosses
 
 
-def _mirror_points(chief: ChiefRays) -> np.ndarray:
+def mirror_points(chief: ChiefRays) -> np.ndarray:
     """Points [n, 3] all over the mirror."""
     surface = chief.surface
     square = (np.arange(RINGS) + 0.5) / RINGS

@@ -21,6 +21,7 @@ from irtscots_cl.optics.chief_rays import check_visible
 from irtscots_cl.optics.elements.components import Component
 from irtscots_cl.optics.elements.emission import Emission
 from irtscots_cl.optics.elements.media import check_media
+from irtscots_cl.optics.elements.polarisation import LEAST_CHANGE
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.presets import parse_scene
 from irtscots_cl.scene.validation import SceneError
@@ -108,6 +109,12 @@ class PathTask:
         return min(max(self.setup.longest_direct_path + EXTRA_EVENTS, SHORT_EVENTS), MAX_EVENTS)
 
     @property
+    def polarised(self) -> bool:
+        """Whether rays carry their polarisation."""
+        asked = self.options.polarisation
+        return asked == "on" or (asked == "auto" and self.setup.polarisation_change > LEAST_CHANGE)
+
+    @property
     def code_length(self) -> str:
         """Of the paths' codes: a name of structs.PATH_WORDS."""
         return "short" if self.bounce_limit <= SHORT_EVENTS else "long"
@@ -188,8 +195,12 @@ class PathTask:
 
     @property
     def _files(self) -> dict[str, str]:
-        """Choices of files that the scene's cones and the length of its paths make."""
+        """Choices of files by the scene's cones, the length of its paths, and whether its rays are polarised."""
+        light = "polarised" if self.polarised else "unpolarised"
         return {
+            "light": light,
+            "carry": light,
+            "fresnel": light,
             "path_code": self.code_length,
             "cones": "single" if len(self.emission.cones) == 1 else "several",
         }
