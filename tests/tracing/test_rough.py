@@ -17,6 +17,7 @@ from irtscots_cl.scene.scatter.models import Harvey
 
 SIGMA_NM, WAVELENGTH_NM = 5.0, 632.8
 ROUGH = Harvey(0.01, -1.5, roughness_nm=SIGMA_NM, wavelength_nm=WAVELENGTH_NM)
+SMOOTH = Harvey(0.01, -1.5, tis=1e-9)
 ROUNDING = 3e-6  # of weights in steps of 2^-22, over sums of many
 
 
@@ -33,10 +34,13 @@ def kept(scene, rough, device, name):
 
 
 def refracting(rough):
-    """The preset's window, whose front, towards the mirror, is rough; all light of the mirror is taken."""
+    """The preset's window, whose front, towards the mirror, is rough; all light of the mirror is taken.
+
+    Or so smooth that what it scatters is less than rounding: it scatters all the same, so that the rays are the same.
+    """
     scene = wide(load_scene("sphere-window"))
     return replace(scene, element=tuple(
-        replace(element, scatter=ROUGH if rough and element.name == "window.front" else None)
+        replace(element, scatter=(ROUGH if rough else SMOOTH) if element.name == "window.front" else None)
         for element in scene.element))  # fmt: skip
 
 

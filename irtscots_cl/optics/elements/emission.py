@@ -49,20 +49,18 @@ def plan_emission(
     first, widest = seen.found()
     if not first:
         return Emission((aim,), np.ones(1))
-    cones, to_elements = [aim], []
-    if widest > 1:
-        wider = _within(Aim(aim.centre, aim.root * widest, aim.share))
-        cones.append(wider)
-    for number in sorted(first):
-        cone = _to_element(chief, components[number])
-        if cone is not None:
-            to_elements.append(cone)
+    cones = [aim] if widest <= 1 else [aim, _within(Aim(aim.centre, aim.root * widest, aim.share))]
+    found = {number: _to_element(chief, components[number]) for number in sorted(first)}
+    to_elements = [cone for cone in found.values() if cone is not None]
+    # light that scatters close to the screen comes from all directions
+    wide = any(cone is None and number in seen.ends for number, cone in found.items())
+    half_space = ELEMENTS if wide else HALF_SPACE
+    rest = 1 - half_space - (ELEMENTS if to_elements else 0.0)
+    shares = [rest] if len(cones) == 1 else [rest * OF_MIRROR, rest * (1 - OF_MIRROR)]
+    shares += [ELEMENTS / max(len(to_elements), 1)] * len(to_elements) + [half_space]
     count = len(aim.centre)
-    half_space = Aim(np.zeros((count, 2)), np.tile(np.eye(2), (count, 1, 1)), 1.0)
-    rest = 1 - HALF_SPACE - (ELEMENTS if to_elements else 0.0)
-    shares = [rest] if widest <= 1 else [rest * OF_MIRROR, rest * (1 - OF_MIRROR)]
-    shares += [ELEMENTS / max(len(to_elements), 1)] * len(to_elements) + [HALF_SPACE]
-    return Emission((*cones, *to_elements, half_space), np.array(shares))
+    everywhere = Aim(np.zeros((count, 2)), np.tile(np.eye(2), (count, 1, 1)), 1.0)
+    return Emission((*cones, *to_elements, everywhere), np.array(shares))
 
 
 class _Outside:
