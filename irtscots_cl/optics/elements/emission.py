@@ -112,8 +112,8 @@ class _Outside:
             around = self.aim.centre[pixel] + disk @ self.aim.root[pixel].T
             points = np.concatenate([_points_of(self.components[n]) for n in self._further()])
             to = (points - self.starts[k]) @ self.chief.screen_frame.axes.T
-            ahead = to[:, 2] < 0
-            towards = (to[:, :2] / np.linalg.norm(to, axis=-1, keepdims=True))[ahead]
+            to = to[to[:, 2] < 0]
+            towards = to[:, :2] / np.linalg.norm(to, axis=-1, keepdims=True)
             towards = towards[~self.aim.holds(np.full(len(towards), pixel), towards)]
             cosines.append(np.concatenate([around, towards]))
             rings.append(np.concatenate([np.repeat(np.arange(RINGS), SPOKES), np.full(len(towards), -1)]))
@@ -192,8 +192,12 @@ def _to_element(chief: ChiefRays, component: Component) -> Aim | None:
     x, y = pixel_centres(chief)
     frame, pitch, points = chief.screen_frame, chief.scene.screen.pitch_mm, _on_surface(component, rim)
     centre, root = np.empty((len(x), 2)), np.empty((len(x), 2, 2))
-    for part in np.array_split(np.arange(len(x)), len(x) // 4096 + 1):
-        centre[part], root[part] = covering_ellipses(frame, points, x[part], y[part], pitch)
+    try:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for part in np.array_split(np.arange(len(x)), len(x) // 4096 + 1):
+                centre[part], root[part] = covering_ellipses(frame, points, x[part], y[part], pitch)
+    except np.linalg.LinAlgError:  # no larger than rounding
+        return None
     depth = (points - frame.position_mm) @ frame.axes[2]
     aim = Aim(centre, root, 1.0)
     if depth.max() >= 0 or not np.isfinite(root).all():
