@@ -16,6 +16,7 @@ from irtscots_cl.cli.common import (
     PATH_CHOICES,
     add_measure,
     add_noise,
+    add_overfill,
     add_path_choices,
     add_scene,
     add_trace_choices,
@@ -87,12 +88,7 @@ def add(commands) -> None:
         help="forward: mirror (rays leave towards the whole mirror, as in the paper; default) or camera (only towards "
         "the part of it from which light reaches the camera: fewer rays for the same noise)",
     )
-    parser.add_argument(
-        "--overfill",
-        type=float,
-        metavar="F",
-        help="forward: solid angle of the emission over the least that covers what it is aimed at; default 1",
-    )
+    add_overfill(parser)
     add_path_choices(parser)
 
 

@@ -223,7 +223,8 @@ class PathRow(TypedDict):
 
 
 class PathReport(TypedDict):
-    """What `irtscots paths` tells of a non-sequential trace. ends: rays by where they ended."""
+    """What `irtscots paths` tells of a non-sequential trace. ends: rays by where they ended. bounce_limit: events after
+    which rays were given up."""
 
     scene: str
     device: DeviceFacts
@@ -234,6 +235,7 @@ class PathReport(TypedDict):
     rays_total: int
     seconds: TraceSeconds
     rays_per_second: float
+    bounce_limit: int
     ends: dict[str, int]
     launched_w: float
     direct_w: float
