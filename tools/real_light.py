@@ -168,7 +168,7 @@ def pulls_table(seeds: int) -> None:
 
 
 def cameras_table(seeds: int) -> None:
-    """A 12-bit camera with a full well of 10,000 electrons, 20 frames averaged, beside shot noise by the closed form."""
+    """A 12-bit camera with a full well of 10,000 electrons, 20 frames averaged; shot noise by the closed form."""
     from irtscots_cl import record
     from irtscots_cl.scene.detector_noise import DetectorNoise
 
@@ -176,8 +176,8 @@ def cameras_table(seeds: int) -> None:
         electrons_at_peak=8000.0, shot_noise=True, read_noise_e=5.0, full_well_e=10000.0, gain_e_per_dn=2.5,
         offset_dn=64.0, bits=12, frames_averaged=20,
     )  # fmt: skip
-    print("\n| scene | electrons a curve | centroid error [um] | plain centroid, shot noise alone [um] | height error [nm] "
-          "| stated [nm] |\n|---|---|---|---|---|---|")  # fmt: skip
+    print("\n| scene | electrons a curve | centroid error [um] | plain centroid, shot noise alone [um] "
+          "| height error [nm] | stated [nm] |\n|---|---|---|---|---|---|")  # fmt: skip
     for name in ("sphere-deviated", "off-axis"):
         scene = load_scene(name)
         case = Case(scene)
