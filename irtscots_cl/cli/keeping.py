@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import signal
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from irtscots_cl.cli.common import StoppedError
+from irtscots_cl.system import interruption
 
 LOCK = ".lock"
 
@@ -42,37 +41,17 @@ def keeping(folder: Path, name: str, resume: bool, *, many: bool = False, max_se
     try:
         with _locked(folder):
             keeper.check_start()
-            with _signals(keeper):
-                yield keeper
+            yield keeper
     except (Interrupted, KeyboardInterrupt) as ended:
+        of_trace = isinstance(ended, Interrupted)
         if not keeper.files():
-            raise KeyboardInterrupt from None
-        why = str(ended) or "interrupted"
+            raise KeyboardInterrupt("" if of_trace else str(ended)) from None
+        why = str(ended) if of_trace else "interrupted"
         raise StoppedError(f"{why}; go on with --resume, from {keeper.path}") from None
     finally:
         for part in made:
             with suppress(OSError):  # not empty
                 part.rmdir()
-
-
-@contextmanager
-def _signals(keeper) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end a trace after its launch and save its sums; a second signal ends it immediately."""
-
-    def end(*_) -> None:
-        if not keeper.tracing or keeper.stop:
-            raise KeyboardInterrupt
-        keeper.stop = True
-
-    if threading.current_thread() is not threading.main_thread():  # Python allows handlers in the main thread only
-        yield
-        return
-    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager
@@ -93,7 +72,8 @@ def _locked(folder: Path) -> Iterator[None]:
             if not _is_at(file.fileno(), path):  # the previous owner has just removed it
                 continue
             try:
-                yield
+                with interruption.before_the_end(path.unlink):
+                    yield
             finally:
                 path.unlink(missing_ok=True)
             return

@@ -32,6 +32,7 @@ from irtscots_cl.execution.checkpoint_file import (
     write_checkpoint,
 )
 from irtscots_cl.execution.launch_plan import Cursor
+from irtscots_cl.system import interruption
 
 MIN_SECONDS = 5.0  # between two saves
 COST_SHARE = 50  # the time between two saves is so many times that of a save: 2 %
@@ -47,8 +48,8 @@ class Checkpoints:
 
     path: the file of the one trace, or with many=True a folder with a file for each, named after its facts. resume: go
     on from what is there. max_seconds: of tracing, after which traces end. warn(line): told once when a save fails,
-    since a trace goes on without. stop: set to True (by a signal's handler) it ends the trace after the launch.
-    tracing: whether somebody looks at stop.
+    since a trace goes on without. stop: set to True, by a callback for example, it ends the trace after the launch, as
+    a signal does that system.interruption handles.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class Checkpoints:
         warn: Callable[[str], None] = warnings.warn,
     ):
         self.path, self.resume, self.many, self.max_seconds = Path(path), resume, many, max_seconds
-        self.warn, self.warned, self.stop, self.tracing, self.end_time = warn, False, False, False, math.inf
+        self.warn, self.warned, self.stop, self.end_time = warn, False, False, math.inf
 
     def file_of(self, facts: Fingerprint) -> Checkpoint:
         """The file of a trace, by all the facts that are known before its kernel is built."""
@@ -121,7 +122,6 @@ class Checkpoint:
         self._began = self._saved = time.monotonic()
         if keeper.end_time == math.inf:
             keeper.end_time = self._began + keeper.max_seconds
-        keeper.tracing = True
         return cursor
 
     def launched(self, cursor: Cursor, kernel_seconds: float, collect: Callable[[], None]) -> None:
@@ -129,28 +129,26 @@ class Checkpoint:
 
         kernel_seconds: since `begin`. Raises Interrupted, after a save, if the trace is to end.
         """
-        keeper, now, ends = self._keeper, time.monotonic(), self.ends
+        now = time.monotonic()
         wait = max(MIN_SECONDS, COST_SHARE * self._seconds_per_byte * nbytes_of(self._kept_of(cursor)))
-        if not ends and now - self._saved < wait:
+        if not self.ends and now - self._saved < wait:
             return
         collect()
         self._save(cursor, kernel_seconds, now)
-        if ends:
-            keeper.tracing = False
+        if self.ends:  # also where the signal came while the sums were saved
             raise Interrupted(f"{self._why()} after {self._share(cursor):.0%} of the rays")
 
     def ended(self, cursor: Cursor, kernel_seconds: float) -> None:
         """After the last launch, the sums complete: they replace what was saved before."""
-        self._keeper.tracing = False
-        if self._in_file or self._keeper.stop:
+        if self._in_file or self._stopped:
             self._save(cursor, kernel_seconds, time.monotonic())
-        if self._keeper.stop:
+        if self._stopped:
             raise Interrupted(f"{self._why()} after all of the rays")
 
     @property
     def ends(self) -> bool:
         """Whether the trace is to end at the next call of `launched`."""
-        return self._keeper.stop or time.monotonic() >= self._keeper.end_time
+        return self._stopped or time.monotonic() >= self._keeper.end_time
 
     def discard(self) -> None:
         """Forget the sums, which turned out to be of no use."""
@@ -160,8 +158,12 @@ class Checkpoint:
     def _share(self, cursor: Cursor) -> float:
         return cursor.rays_before(self._rays, self._streams) / (int(self._rays.sum()) * self._streams)
 
+    @property
+    def _stopped(self) -> bool:
+        return self._keeper.stop or interruption.requested()
+
     def _why(self) -> str:
-        return "interrupted" if self._keeper.stop else f"--max-seconds {self._keeper.max_seconds:g}: stopped"
+        return "interrupted" if self._stopped else f"--max-seconds {self._keeper.max_seconds:g}: stopped"
 
     def _found(self) -> bool:
         return self._keeper.resume and self.path.exists()

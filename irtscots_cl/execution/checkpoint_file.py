@@ -10,6 +10,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from irtscots_cl.system import interruption
+
 Fingerprint = dict[str, str | int | float | bool]
 FORMAT = b"irtscots-cl checkpoint 1 "
 MAX_HEADER_BYTES = 2**14
@@ -36,7 +38,7 @@ def write_checkpoint(path: Path, header: bytes, arrays: list[np.ndarray]) -> Non
     line = FORMAT + hash_of(header).encode() + b" " + header + b"\n"
     digest, new = digest_hash(line), new_path(path)
     try:
-        with open(new, "wb") as file:
+        with interruption.before_the_end(new.unlink), open(new, "wb") as file:
             file.write(line)
             for array in arrays:
                 if array.size:

@@ -15,6 +15,7 @@ from irtscots_cl.maths.frame import Frame
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
+from irtscots_cl.system import interruption
 from irtscots_cl.system.memory import check_memory
 
 BYTES_PER_PIXEL = 1900  # peak memory while the maps are made; measured
@@ -76,6 +77,7 @@ class ChiefRays:
         Returns the mirror points [..., 3] (NaN where a ray misses the surface; the rim is ignored) and the
         crossings (u, v) of the screen's plane in the screen's frame [mm].
         """
+        interruption.check()
         camera, frame = self.scene.camera, self.camera_frame
         image_x, image_y = self.image_point(row, column)
         slope_a = a_mm / camera.focus_mm - image_x / camera.image_distance_mm
@@ -83,6 +85,7 @@ class ChiefRays:
         slopes = np.stack(np.broadcast_arrays(slope_a, slope_b, 1.0), -1)
         start = frame.to_world(*np.broadcast_arrays(a_mm, b_mm))
         points, outgoing = self.surface.meet(start, -slopes @ frame.axes)
+        interruption.check()
         return points, *self.screen_frame.arrive(points, outgoing)
 
     @cached_property

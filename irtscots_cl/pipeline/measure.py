@@ -26,10 +26,10 @@ def measure(
     from irtscots_cl.report.figures import write_figures
 
     result = measure_by(how, stack, nominal, threshold)
-    open_output_folder(folder)
     attributes = {"scene": nominal.to_toml(), "measure": how} | version_attributes()
-    write_result(folder / "result.h5", stack, result, attributes)
-    write_figures(folder / "figures", stack, result, None)
+    with open_output_folder(folder):
+        write_result(folder / "result.h5", stack, result, attributes)
+        write_figures(folder / "figures", stack, result, None)
     left = {t: remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, t) for t in HEIGHT_TERMS}
     deviation = {terms: rms(height, result.mask) * 1e6 for terms, height in left.items()}
     return {

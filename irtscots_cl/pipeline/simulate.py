@@ -20,6 +20,7 @@ from irtscots_cl.optics.setup import Setup
 from irtscots_cl.report.facts import build_report
 from irtscots_cl.report.types import Report
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system import interruption
 from irtscots_cl.tracing.results.paths import PathLight
 from irtscots_cl.tracing.results.transport import LineLight, Transport
 from irtscots_cl.tracing.trace import trace
@@ -59,9 +60,11 @@ def simulate(
     scene = setup.scene
     transport = trace(setup, device=device, client=client, progress=progress, **trace_options)
     traced = time.perf_counter()
+    interruption.check()
     stack = transport.images(LineScan(scene))
     result = measure_by(measure, stack, setup.nominal)
     measured = time.perf_counter()
+    interruption.check()
     comparison, predicted = compare(result, scene), predict_error(result, stack)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
     separated = error_terms(result, setup, measure, transport.options, device) if parts else ()

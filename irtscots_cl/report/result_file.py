@@ -10,6 +10,7 @@ import numpy as np
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.system import interruption
 from irtscots_cl.system.atomic_files import replacing
 
 
@@ -41,6 +42,7 @@ def write_result(path: Path, stack: ImageStack, result: Reconstruction, attribut
 
 
 def _write(file: h5py.File, name: str, values: np.ndarray, unit: str) -> None:
+    interruption.check()
     file.create_dataset(name, data=values, compression="gzip", compression_opts=1, shuffle=True)
     file[name].attrs["unit"] = unit
 
@@ -53,4 +55,5 @@ def _write_images(file: h5py.File, name: str, scan: Scan, values: np.ndarray) ->
     )
     images.attrs["unit"] = "W"
     for line in range(shape[0]):
+        interruption.check()
         images[line] = scan.image(line, values)

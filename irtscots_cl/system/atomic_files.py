@@ -12,15 +12,19 @@ from typing import Any
 
 import numpy as np
 
+from irtscots_cl.system import interruption
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` to write to; on success it becomes `path`, on an error it goes."""
+    """A temporary path next to `path` to write to; on success it becomes `path`, on an error it is removed."""
+    interruption.check()
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
     os.close(handle)
     temporary = Path(name)
     try:
-        yield temporary
+        with interruption.before_the_end(temporary.unlink):
+            yield temporary
         with open(temporary, "rb+") as written:
             os.fsync(written.fileno())
         temporary.chmod(0o666 & ~_umask())

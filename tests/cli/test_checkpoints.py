@@ -113,7 +113,7 @@ def test_an_interrupt_after_the_last_ray_keeps_what_was_saved(irtscots, monkeypa
     monkeypatch.setattr(checkpoint, "MIN_SECONDS", 0.0)
     monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)
     with monkeypatch.context() as patch:
-        patch.setattr("irtscots_cl.pipeline.output.write_run", lambda *_: os.kill(os.getpid(), signal.SIGINT))
+        patch.setattr("irtscots_cl.pipeline.output.write_result", lambda *_: os.kill(os.getpid(), signal.SIGINT))
         refused(irtscots("run", "./mine.toml", *RUN, "--out", "cut"), "interrupted; go on with --resume", code=4)
     launched = []
     launch = "irtscots_cl.execution.device_tracer.DeviceTracer.launch"

@@ -17,7 +17,7 @@ ORDER = tuple(FOLDERS)
 # What a folder may import of those above it, where that is not all.
 ONLY_FROM = {
     "system": set(),
-    "maths": set(),
+    "maths": {"system"},
     "opencl": set(),
     "scene": {"maths", "formats"},
     "execution": {"system", "opencl"},

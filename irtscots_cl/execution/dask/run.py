@@ -25,6 +25,7 @@ from irtscots_cl.execution.executor import RunControl
 from irtscots_cl.execution.launch_plan import Cursor, RayBlock, plan_launches
 from irtscots_cl.execution.task import TraceTask
 from irtscots_cl.opencl.device import DeviceError
+from irtscots_cl.system import interruption
 
 TASK_SECONDS = 4.0  # of a task: long beside what the scheduler does for it, short beside what a lost worker costs
 MIN_TASK_SECONDS = 0.25  # near the end, when what is left is shared out
@@ -83,20 +84,27 @@ class ClusterRun:
         """Run to the end. Raises as Cluster says."""
         if self._control.progress is not None and self._place != Cursor():
             self._control.progress(self._total - sum(self._left), self._total)
-        while self._place != self._end:
-            if self._control.checkpoint is not None and self._control.checkpoint.ends:
-                self._control.checkpoint.launched(self._place, self.kernel_seconds, lambda: None)
-            self._look_at_workers()
-            self._top_up()
-            try:
-                key = self._done.get(timeout=POLL_SECONDS)
-            except Empty:
-                continue
-            if key in self._out:
-                future, then, arguments = self._out.pop(key)
-                then(future, *arguments)
+        with interruption.waking(lambda: self._done.put("")):
+            while self._place != self._end:
+                self._step()
         if self._control.checkpoint is not None:
             self._control.checkpoint.ended(self._place, self.kernel_seconds)
+
+    def _step(self) -> None:
+        """Hand out parts, and take the next finished one, if there is one within POLL_SECONDS."""
+        if self._control.checkpoint is None:
+            interruption.check()
+        elif self._control.checkpoint.ends:
+            self._control.checkpoint.launched(self._place, self.kernel_seconds, lambda: None)
+        self._look_at_workers()
+        self._top_up()
+        try:
+            key = self._done.get(timeout=POLL_SECONDS)
+        except Empty:
+            return
+        if key in self._out:
+            future, then, arguments = self._out.pop(key)
+            then(future, *arguments)
 
     @property
     def kernel_seconds(self) -> float:
@@ -189,7 +197,7 @@ class ClusterRun:
             self._cluster.client.retry([future])
             self._watch(future, self._totalled, replicate)
             return
-        found = self._cluster.client.gather(future, direct=True)
+        found = interruption.wait_for(lambda: self._cluster.client.gather(future, direct=True))
         for all_of, array in zip(self.sums, found["sums"], strict=True):
             all_of[replicate] += array
         self.ran = merged(self.ran, found["ran"])
