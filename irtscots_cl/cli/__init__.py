@@ -40,8 +40,11 @@ def _run(options: argparse.Namespace) -> int:
     except BrokenPipeError:  # the reader, such as `head`, has closed the output
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (SceneError, ValueError, OSError) as error:
+    except (SceneError, ValueError) as error:
         return fail(error, EXIT_BAD_INPUT)
+    except OSError as error:
+        named = error.filename is not None and error.strerror is not None
+        return fail(f"{error.filename}: {error.strerror}" if named else error, EXIT_BAD_INPUT)
     except MemoryError as error:  # of the host; Python's own message is empty
         return fail(f"too little memory on the host: {error}".removesuffix(": "), EXIT_NO_DEVICE)
     except StoppedError as stopped:

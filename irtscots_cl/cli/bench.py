@@ -37,7 +37,7 @@ def add(commands) -> None:
 def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.system.atomic_files import check_output_folder, plain, write_json
 
-    check_output_folder(options.out)
+    check_output_folder(options.out, ("bench.json", "bench.png"))
     from irtscots_cl.bench.figures import write_figures
     from irtscots_cl.bench.suite import run_bench
     from irtscots_cl.bench.tables import bench_tables

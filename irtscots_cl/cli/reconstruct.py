@@ -61,7 +61,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.system.atomic_files import check_output_folder
 
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
-    check_output_folder(folder)
+    check_output_folder(folder, ("result.h5", "report.json"), ("figures",))
     how = options.measure or DEFAULTS["measure"]
     check_measure(how, options.threshold)
     if (folder / "result.h5").resolve() == options.images.resolve():

@@ -42,7 +42,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.system.atomic_files import check_output_folder, plain, write_json
 
     names = suite.chosen(options.what)
-    check_output_folder(options.out)
+    check_output_folder(options.out, ("reproduce.json", "reproduce.md", "reproduce.html", ".lock"))
     from irtscots_cl.opencl.device import select_device
     from irtscots_cl.studies.traces import SharedTraces
 

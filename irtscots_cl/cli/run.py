@@ -102,7 +102,7 @@ def _execute(options: argparse.Namespace) -> int:
     scene = setup.scene
     _check_scene(scene, options, given)
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
-    check_output_folder(folder)
+    check_output_folder(folder, ("result.h5", "report.json", "report.html", ".lock"), ("figures",))
     from irtscots_cl.pipeline.output import write_run
 
     seconds = math.inf if options.max_seconds is None else options.max_seconds

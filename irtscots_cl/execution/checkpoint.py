@@ -36,6 +36,7 @@ from irtscots_cl.system import interruption
 
 MIN_SECONDS = 5.0  # between two saves
 COST_SHARE = 50  # the time between two saves is so many times that of a save: 2 %
+LONG_SAVE_SECONDS = 5.0  # a shorter save is always made when a signal comes
 BYTES_PER_SECOND = 1e8  # of saving, before a save has been timed
 
 
@@ -64,8 +65,21 @@ class Checkpoints:
         self.warn, self.warned, self.stop, self.end_time = warn, False, False, math.inf
 
     def file_of(self, facts: Fingerprint) -> Checkpoint:
-        """The file of a trace, by all the facts that are known before its kernel is built."""
-        return Checkpoint(self, self.path / digest_of(facts) if self.many else self.path, facts)
+        """The file of a trace, by all the facts that are known before its kernel is built.
+
+        Raises ValueError if there is a folder in its place, or a file in the place of the folder of many.
+        """
+        self.check_place()
+        path = self.path / digest_of(facts) if self.many else self.path
+        if path.is_dir():
+            raise ValueError(f"{path}: is a folder; must be a checkpoint's file, or not be there")
+        return Checkpoint(self, path, facts)
+
+    def check_place(self) -> None:
+        """Raise ValueError if the path is a folder where it must be a file, or the other way round."""
+        if self.path.exists() and self.path.is_dir() != self.many:
+            found, must = ("a file", "the checkpoints' folder") if self.many else ("a folder", "the checkpoint's file")
+            raise ValueError(f"{self.path}: is {found}; must be {must}, or not be there")
 
     def files(self) -> list[Path]:
         """What is there to go on from."""
@@ -74,7 +88,8 @@ class Checkpoints:
         return [self.path] * self.path.exists()
 
     def check_start(self) -> None:
-        """Refuse, with a ValueError, to write over what an interrupted run has left."""
+        """Refuse, with a ValueError, to write over what an interrupted run has left, or what is no checkpoint."""
+        self.check_place()
         if self.files() and not self.resume:
             raise ValueError(
                 f"{self.path}: left by an interrupted run; must be gone on with by --resume, or be deleted first"
@@ -129,21 +144,37 @@ class Checkpoint:
 
         kernel_seconds: since `begin`. Raises Interrupted, after a save, if the trace is to end.
         """
-        now = time.monotonic()
-        wait = max(MIN_SECONDS, COST_SHARE * self._seconds_per_byte * nbytes_of(self._kept_of(cursor)))
-        if not self.ends and now - self._saved < wait:
+        now, cost = time.monotonic(), self._seconds_per_byte * nbytes_of(self._kept_of(cursor))
+        if not self.ends and now - self._saved < max(MIN_SECONDS, COST_SHARE * cost):
             return
-        collect()
-        self._save(cursor, kernel_seconds, now)
+        lost = self._end_unsaved(now, cost)
+        if not lost:
+            collect()
+            self._save(cursor, kernel_seconds, now)
         if self.ends:  # also where the signal came while the sums were saved
-            raise Interrupted(f"{self._why()} after {self._share(cursor):.0%} of the rays")
+            raise Interrupted(f"{self._why()} after {self._share(cursor):.0%} of the rays{lost}")
 
     def ended(self, cursor: Cursor, kernel_seconds: float) -> None:
         """After the last launch, the sums complete: they replace what was saved before."""
-        if self._in_file or self._stopped:
-            self._save(cursor, kernel_seconds, time.monotonic())
+        now, lost = time.monotonic(), ""
         if self._stopped:
-            raise Interrupted(f"{self._why()} after all of the rays")
+            lost = self._end_unsaved(now, self._seconds_per_byte * nbytes_of(self._kept_of(cursor)))
+        if (self._in_file or self._stopped) and not lost:
+            self._save(cursor, kernel_seconds, now)
+        if self._stopped:
+            raise Interrupted(f"{self._why()} after all of the rays{lost}")
+
+    def _end_unsaved(self, now: float, cost: float) -> str:
+        """What is lost, in words, where a signal ends the trace and saving takes longer than tracing that again; or "".
+
+        cost: of saving, in seconds, estimated. The sums of a large detector have gigabytes.
+        """
+        if not self._stopped or cost < LONG_SAVE_SECONDS:
+            return ""
+        if now - self._saved < cost:
+            return f", of which the last {now - self._saved:.0f} s are not saved: saving takes about {cost:.0f} s"
+        self._keeper.warn(f"{self.path}: saving takes about {cost:.0f} s; a second signal ends it, without")
+        return ""
 
     @property
     def ends(self) -> bool:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import h5py
+import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan, check_shapes
+from irtscots_cl.system import interruption
 from irtscots_cl.system.memory import check_memory
 
 BYTES_PER_VALUE = 32  # of images: memory while a mirror is measured from them
+VALUES_AT_ONCE = 2**24
 MAX_IMAGE_VALUES = 2**28  # of one scan in an unknown file: 2 GiB in float64
 
 
@@ -33,9 +36,20 @@ def _read_scan(file: h5py.File, path: Path, axis: str) -> Scan:
     check_memory(f"{path}: /images/{axis}: {images.size} values", images.size * BYTES_PER_VALUE)
     try:
         check_shapes(axis, lines.shape, images.shape)  # before reading any values
-        return Scan.from_images(axis, lines[()], images[()])
+        return Scan.from_images(axis, lines[()], _values(images))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _values(images: h5py.Dataset) -> np.ndarray:
+    """All values, read in parts, so that a signal need not wait for gigabytes."""
+    values = np.empty(images.shape, images.dtype)
+    chunk = images.chunks[0] if images.chunks else 1  # parts of whole chunks: each is unpacked once
+    count = chunk * max(1, VALUES_AT_ONCE * len(images) // (images.size * chunk))
+    for first in range(0, len(images), count):
+        interruption.check()
+        values[first : first + count] = images[first : first + count]
+    return values
 
 
 def _dataset(file: h5py.File, path: Path, name: str) -> h5py.Dataset:

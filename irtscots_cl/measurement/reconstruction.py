@@ -14,6 +14,7 @@ from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_curves import Flag, flag_curves
 from irtscots_cl.measurement.light_profiles import profile_centroids
+from irtscots_cl.measurement.line_positions import check_line_positions
 from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.setup import Setup
@@ -155,6 +156,7 @@ def _check_fits(stack: ImageStack, chief: ChiefRays) -> None:
             raise ValueError(
                 f"{len(scan.positions_mm)} images in the {scan.axis} scan, but the scene's screen has {lines} lines"
             )
+        check_line_positions(scan, nominal)
 
 
 def _check_enough(name: str, on_mirror: BoolArray, mask: BoolArray, flags: IntArray) -> None:
@@ -167,9 +169,7 @@ def _check_enough(name: str, on_mirror: BoolArray, mask: BoolArray, flags: IntAr
         )
 
 
-def _measured(
-    setup: Setup, scan: Scan, light_curve: str, threshold: float
-) -> tuple[FloatArray, IntArray]:
+def _measured(setup: Setup, scan: Scan, light_curve: str, threshold: float) -> tuple[FloatArray, IntArray]:
     """Centroids [1 + replicates, rows, columns] in mm, NaN where there is none, and flags [rows, columns]."""
     curves = scan.jackknife_w()
     on_grid = np.full((len(curves), scan.shape[0] * scan.shape[1]), np.nan)

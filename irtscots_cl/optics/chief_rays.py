@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from irtscots_cl.maths.frame import Frame
+from irtscots_cl.maths.frame import Frame, turned
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
@@ -84,7 +84,7 @@ class ChiefRays:
         slope_b = b_mm / camera.focus_mm - image_y / camera.image_distance_mm
         slopes = np.stack(np.broadcast_arrays(slope_a, slope_b, 1.0), -1)
         start = frame.to_world(*np.broadcast_arrays(a_mm, b_mm))
-        points, outgoing = self.surface.meet(start, -slopes @ frame.axes)
+        points, outgoing = self.surface.meet(start, turned(-slopes, frame.axes))
         interruption.check()
         return points, *self.screen_frame.arrive(points, outgoing)
 

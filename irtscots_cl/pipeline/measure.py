@@ -16,16 +16,19 @@ from irtscots_cl.scene.model import Scene
 
 
 def measure(
-    stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 0.0, how: str = "paper"
+    stack: ImageStack, nominal: Scene, folder: Path, threshold: float = 0.0, how: str = "paper", source: str = ""
 ) -> MeasuredFacts:
     """Measure a mirror from images alone, without a truth to compare with.
 
-    how: a name of methods.MEASURES. Writes result.h5 and figures into the folder and returns the main facts, named as
+    how: a name of methods.MEASURES. source: the images' file, for messages. Writes result.h5 and figures into the folder and returns the main facts, named as
     in report.json.
     """
     from irtscots_cl.report.figures import write_figures
 
-    result = measure_by(how, stack, nominal, threshold)
+    try:
+        result = measure_by(how, stack, nominal, threshold)
+    except ValueError as error:
+        raise ValueError(f"{source}: {error}" if source else str(error)) from None
     attributes = {"scene": nominal.to_toml(), "measure": how} | version_attributes()
     with open_output_folder(folder):
         write_result(folder / "result.h5", stack, result, attributes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -61,10 +61,19 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def check_output_folder(folder: Path) -> None:
-    """Raises ValueError if the folder could not be made or written, without making it."""
+def check_output_folder(folder: Path, files: Iterable[str] = (), folders: Iterable[str] = ()) -> None:
+    """Raises ValueError if the folder could not be made or written, without making it.
+
+    files, folders: names in it that will be written; the same if something else is in the place of one.
+    """
     nearest = next(part for part in (folder, *folder.absolute().parents) if part.exists())
     if not nearest.is_dir():
         raise ValueError(f"--out = {str(folder)!r}: {nearest} is not a folder")
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise ValueError(f"--out = {str(folder)!r}: no permission to write in {nearest}")
+    for name in files:
+        if (folder / name).is_dir():
+            raise ValueError(f"--out = {str(folder)!r}: {name} is a folder there; must be a file, or not be there")
+    for name in folders:
+        if (folder / name).exists() and not (folder / name).is_dir():
+            raise ValueError(f"--out = {str(folder)!r}: {name} is no folder there; must be one, or not be there")

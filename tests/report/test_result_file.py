@@ -135,9 +135,7 @@ def test_result_h5_holds_what_the_contract_names_with_units(written):
     with h5py.File(path) as file:
         file.visititems(
             lambda name, item: (
-                found.update({name: (item.attrs["unit"], item.shape)})
-                if isinstance(item, h5py.Dataset)
-                else None
+                found.update({name: (item.attrs["unit"], item.shape)}) if isinstance(item, h5py.Dataset) else None
             )
         )
         assert dict(file.attrs)["seed"] == "1" and 'name = "sphere-deviated"' in file.attrs["scene"]
@@ -267,7 +265,7 @@ def _linked(link):
         (_raw, f"/images/x: {ELSEWHERE}"),
         (
             _with(images=np.full((3, 2, 2), 1e101)),
-            "images or line positions of the x scan hold values that are not finite or beyond 1e+100",
+            "images/x[0, 0, 0] = 1e+101: must be a finite number within 1e+100",
         ),
         (
             _with(images=np.ones((3, 2))),
@@ -282,11 +280,11 @@ def _linked(link):
         (_with(lines=[0.4, 0.2, 0.0]), "the line positions of the x scan must grow from line to line"),
         (
             _with(lines=[0.0, np.nan, 0.4]),
-            "images or line positions of the x scan hold values that are not finite",
+            "lines/x_mm[1] = nan: must be a finite number within 1e+100",
         ),
         (
             _with(images=np.full((3, 2, 2), np.inf)),
-            "images or line positions of the x scan hold values that are not ",
+            "images/x[0, 0, 0] = inf: must be a finite number within 1e+100",
         ),
     ],
 )
