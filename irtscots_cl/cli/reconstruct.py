@@ -67,7 +67,7 @@ def _execute(options: argparse.Namespace) -> int:
     if (folder / "result.h5").resolve() == options.images.resolve():
         raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
     images = read_images(options.images).saturating_at(options.saturation)
-    facts = measure(images, scene.nominal(), folder, options.threshold, how)
+    facts = measure(images, scene.nominal(), folder, options.threshold, how, str(options.images))
     if options.json:
         print_json(facts)
     else:

@@ -56,10 +56,11 @@ def _corrections(found: FloatArray, lines: FloatArray) -> Iterator[tuple[str, Fl
         for name, factor in UNITS.items():
             yield f"be in {name} and counted from the first line", found * factor + lines[0]
     yield "have the opposite sign: the scan is reversed", -found[::-1]
-    if len(lines) > 1:
-        number = (found - found[0]) / max(abs(found[1] - found[0]), np.finfo(float).tiny)
-        yield "be numbers of lines, or have another pitch", number * (lines[1] - lines[0]) + lines[0]
     yield f"be moved by {np.mean(found - lines):.6g} mm", found - np.mean(found - lines)
+    if len(lines) > 1:
+        pitch = np.diff(found).mean()
+        name = "be numbers of lines" if pitch == 1 else "have another pitch"
+        yield name, (found - found[0]) * ((lines[1] - lines[0]) / pitch) + lines[0]
 
 
 def _words(positions: FloatArray) -> str:

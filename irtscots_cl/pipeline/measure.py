@@ -20,8 +20,8 @@ def measure(
 ) -> MeasuredFacts:
     """Measure a mirror from images alone, without a truth to compare with.
 
-    how: a name of methods.MEASURES. source: the images' file, for messages. Writes result.h5 and figures into the folder and returns the main facts, named as
-    in report.json.
+    how: a name of methods.MEASURES. source: the images' file, for messages. Writes result.h5 and figures into the
+    folder and returns the main facts, named as in report.json. Raises the errors of `measure_by`, after the source.
     """
     from irtscots_cl.report.figures import write_figures
 

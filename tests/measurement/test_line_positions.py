@@ -30,7 +30,8 @@ def scan(positions, axis="x", scene=SCENE):
         (LINES * 1e3, "21 lines from -2000 to 2000 mm, 200 mm apart", "be in micrometres"),
         (LINES + 2, "21 lines from 0 to 4 mm, 0.2 mm apart", "be counted from the first line, not from the screen's"),
         ((LINES + 2) / 1e3, "21 lines from 0 to 0.004 mm, 0.0002 mm apart", "be in metres and counted from the first"),
-        (np.arange(21.0), "21 lines from 0 to 20 mm, 1 mm apart", "be numbers of lines, or have another pitch"),
+        (np.arange(21.0), "21 lines from 0 to 20 mm, 1 mm apart", "be numbers of lines"),
+        (LINES * 1.3, "21 lines from -2.6 to 2.6 mm, 0.26 mm apart", "have another pitch"),
     ],
 )
 def test_the_likely_cause_is_named(positions, found, cause):

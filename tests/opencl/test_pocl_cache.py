@@ -73,9 +73,9 @@ def test_a_command_names_the_folder_where_pocl_cannot_write(device, tmp_path, pl
     if device.platform != PLATFORM:
         pytest.skip("another implementation has another cache")
     (tmp_path / "file").write_text("")
-    done = subprocess.run([sys.executable, "-m", "irtscots_cl", "run", "sphere", "--device", "pocl"], cwd=tmp_path,
-                          capture_output=True, text=True, timeout=60, check=False,
-                          env=os.environ | {"PYTHONPATH": str(ROOT), "POCL_CACHE_DIR": str(tmp_path / place)})  # fmt: skip
+    command = [sys.executable, "-m", "irtscots_cl", "run", "sphere", "--device", "pocl"]
+    variables = os.environ | {"PYTHONPATH": str(ROOT), "POCL_CACHE_DIR": str(tmp_path / place)}
+    done = subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (3, "", 1), done.stderr
     assert done.stderr.startswith("irtscots: ")
     assert f"PoCL cannot write to its cache folder {tmp_path / place}, " in done.stderr
