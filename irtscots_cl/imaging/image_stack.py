@@ -26,7 +26,7 @@ class Scan:
     flux_w: [replicates, n, window] flux; outside its window a pixel is dark. weights: [replicates] share of each
     replicate in the mean (rays, exposures). hits: [n] number of independent random rays in a whole light curve; NaN
     for other samplers and lab images. saturation_w: flux at which the camera's pixels saturate; infinite for a
-    simulation.
+    simulation without a detector's limits. unit: of the flux and of saturation_w; "DN" of a recorded scan.
     """
 
     axis: str
@@ -38,6 +38,7 @@ class Scan:
     weights: FloatArray
     hits: FloatArray = field(repr=False)
     saturation_w: float = math.inf
+    unit: str = "W"
 
     @property
     def lines(self) -> IntArray:
@@ -60,7 +61,8 @@ class Scan:
         total = weighted.sum(0)
         left = (total - weighted) / (self.weights.sum() - self.weights)[:, None, None]
         # a sample that is dark in all other replicates is exactly 0, without rounding errors of total - weighted
-        return np.concatenate([total[None] / self.weights.sum(), np.maximum(left, 0.0)])
+        left[(left < 0) & (left > -1e-12 * total)] = 0.0
+        return np.concatenate([total[None] / self.weights.sum(), left])
 
     def standard_error_w(self) -> FloatArray:
         """Standard error [n, window] of mean_w() from the scatter of the replicates; NaN for a single one."""
@@ -85,13 +87,13 @@ class Scan:
     def from_images(cls, axis: str, positions_mm: FloatArray, images_w: FloatArray) -> Scan:
         """A scan from whole images [lines, rows, columns] or [exposures, lines, rows, columns].
 
-        Raises ValueError for other shapes, for positions that do not match or increase, or for values that are not
-        finite.
+        A value that is not a number (NaN) marks a sample as missing. Raises ValueError for other shapes, for positions
+        that do not match or increase, or for infinite values.
         """
         check_shapes(axis, np.shape(positions_mm), np.shape(images_w))
         images = np.asarray(images_w, float)
         positions = np.asarray(positions_mm, float)
-        check_values(f"images/{axis}", images)
+        check_values(f"images/{axis}", images, nan_allowed=True)
         check_values(f"lines/{axis}_mm", positions)
         images = images[None] if images.ndim == 3 else images
         falls = np.flatnonzero(np.diff(positions) <= 0)

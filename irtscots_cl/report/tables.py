@@ -5,11 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Literal, cast
 
 from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.maths.statistics import Estimate
-from irtscots_cl.report.types import AlongAxes, ErrorPart, MeasuredFacts, PathReport, Refused, Report, Target
+from irtscots_cl.report.types import (
+    AlongAxes,
+    ErrorPart,
+    MeasuredFacts,
+    NoiseFacts,
+    PathReport,
+    Refused,
+    Report,
+    Target,
+)
 
 
 @dataclass(frozen=True)
@@ -60,6 +69,8 @@ def as_xy(values: tuple[float, float]) -> AlongAxes:
 def summary_tables(report: Report) -> list[Table]:
     """The short tables of a run: speed, errors and their predictions, Zernike coefficients of the scene."""
     tables = [_run_table(report), _error_table(report)]
+    if "noise" in report:
+        tables.insert(1, _noise_table(report["noise"]))
     if report["error_parts"]:
         tables.append(_parts_table(report))
     if "target" in report:
@@ -102,11 +113,23 @@ def _run_table(report: Report) -> Table:
     )
 
 
-def measured_table(facts: MeasuredFacts) -> Table:
-    """The results of pipeline.measure for a lab's images."""
+def measured_tables(facts: MeasuredFacts) -> list[Table]:
+    """The results of pipeline.measure for a lab's images: the deviation, and the checks that did not pass."""
     rows = [("pixels used", pixels_text(facts["pixels_used"], facts["light_curves_refused"]))]
     rows += [(f"without {terms.replace('_', ', ')} [nm]", f"{v:.4g}") for terms, v in facts["deviation_nm_rms"].items()]
-    return Table("Deviation from the design, rms", ("", ""), rows)
+    if math.isfinite(facts["height_standard_error_nm"]):
+        slopes, bound = facts["slope_standard_error_urad"], facts["of_bound"]
+        rows += [
+            ("standard error of the height [nm]", f"{facts['height_standard_error_nm']:.3g}"),
+            ("standard error of the slopes [urad]", f"{slopes['x']:.3g}, {slopes['y']:.3g}"),
+            ("centroids' error / Cramer-Rao bound", f"{bound['x']:.3g}, {bound['y']:.3g}"),
+        ]
+    tables = [Table("Deviation from the design, rms", ("", ""), rows)]
+    failed = [(c["name"], c["level"], c["text"]) for c in facts["checks"] if c["level"] != "ok"]
+    passed = len(facts["checks"]) - len(failed)
+    if failed:
+        tables.append(Table(f"Checks of the images: {passed} passed, these did not", ("check", "verdict", ""), failed))
+    return tables
 
 
 def pixels_text(used: int, refused: Refused) -> str:
@@ -162,6 +185,20 @@ def _target_table(target: Target) -> Table:
         ("runs", str(target["attempts"])),
     ]
     return Table(f"Target: height error {target['target_nm']:g} nm, piston and tilt removed", ("", ""), rows)
+
+
+def _noise_table(noise: NoiseFacts) -> Table:
+    """What the camera and the screen did to the images."""
+    rows = [("images in", noise["unit"])]
+    if math.isfinite(noise["electrons_at_peak"]):
+        rows.append(("electrons at peak", f"{noise['electrons_at_peak']:.4g}"))
+    if math.isfinite(noise["saturation"]):
+        rows.append((f"saturated at [{noise['unit']}]", f"{noise['saturation']:g}"))
+    parts: tuple[Literal["detector", "screen"], ...] = ("detector", "screen")
+    for part in parts:
+        if values := noise[part]:
+            rows.append((part, ", ".join(f"{key} {value}" for key, value in values.items())))
+    return Table("Noise", ("", ""), rows)
 
 
 def _parts_table(report: Report) -> Table:

@@ -20,6 +20,17 @@ def test_the_first_bad_value_is_found(bad, place):
     assert str(caught.value) == f"images/x{list(place)} = {bad}: must be a finite number within 1e+100"
 
 
+def test_where_nan_marks_a_missing_sample_it_is_no_bad_value():
+    values = np.full((3, 4), np.nan)
+    assert first_bad_value(values, nan_allowed=True) is None
+    values[0] = 1.0
+    assert first_bad_value(values, nan_allowed=True) is None
+    values[2, 1] = np.inf
+    assert first_bad_value(values, nan_allowed=True) == (2, 1)
+    values[1, 3] = 1e101
+    assert first_bad_value(values, nan_allowed=True) == (1, 3)
+
+
 def test_large_and_whole_numbers_are_good():
     assert first_bad_value([MAX_VALUE, -MAX_VALUE]) is None
     assert first_bad_value(np.array([0, 2**64 - 1], np.uint64)) is None

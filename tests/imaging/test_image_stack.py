@@ -51,6 +51,18 @@ def test_what_only_one_replicate_saw_is_dark_without_it():
     assert (scan.jackknife_w()[3, 1] == 0).all()
 
 
+def test_negative_samples_of_noise_keep_their_sign():
+    scan = some_scan(replicates=6)
+    scan.weights[:] = 1.0
+    scan.flux_w[:] -= 1.25  # the middle of the samples' range
+    assert (scan.jackknife_w()[1:] < 0).mean() > 0.2
+    np.testing.assert_allclose(
+        scan.standard_error_w(),
+        scan.flux_w.std(0, ddof=1) / np.sqrt(6),
+        rtol=1e-10,  # through differences of the means
+    )
+
+
 def test_a_single_replicate_has_no_error_bar():
     scan = some_scan(replicates=1)
     assert scan.jackknife_w().shape == (1, 4, 3)
@@ -116,9 +128,9 @@ def test_a_scan_from_images_gives_them_back(exposures):
         (np.zeros((5, 3, 4)), np.arange(4), "the y scan has 5 images but line positions of shape (4,)"),
         (np.zeros((5, 3, 4)), np.zeros((5, 1)), "the y scan has 5 images but line positions of shape (5, 1)"),
         (
-            np.full((5, 3, 4), np.nan),
+            np.where(np.arange(60).reshape(5, 3, 4) == 42, -np.inf, np.nan),
             np.arange(5),
-            "images/y[0, 0, 0] = nan: must be a finite number within 1e+100",
+            "images/y[3, 1, 2] = -inf: must be a finite number within 1e+100",
         ),
         (
             np.zeros((5, 3, 4)),
