@@ -43,8 +43,8 @@ def _run(options: argparse.Namespace) -> int:
     except (SceneError, ValueError) as error:
         return fail(error, EXIT_BAD_INPUT)
     except OSError as error:
-        named = error.filename is not None and error.strerror is not None
-        return fail(f"{error.filename}: {error.strerror}" if named else error, EXIT_BAD_INPUT)
+        name = error.filename2 or error.filename  # the second is where a file was to be moved to
+        return fail(f"{name}: {error.strerror}" if name and error.strerror else error, EXIT_BAD_INPUT)
     except MemoryError as error:  # of the host; Python's own message is empty
         return fail(f"too little memory on the host: {error}".removesuffix(": "), EXIT_NO_DEVICE)
     except StoppedError as stopped:

@@ -7,7 +7,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from irtscots_cl.cli.common import StoppedError
@@ -32,14 +32,13 @@ def keeping(folder: Path, name: str, resume: bool, *, many: bool = False, max_se
     Raises StoppedError if the command is interrupted and can be resumed. A folder created here is removed if empty.
     """
     from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
+    from irtscots_cl.system.atomic_files import made_folder
 
     keeper = Checkpoints(
         folder / name, resume, many, max_seconds, lambda line: print(f"irtscots: {line}", file=sys.stderr)
     )
-    made = [part for part in (folder, *folder.parents) if not part.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
     try:
-        with _locked(folder):
+        with made_folder(folder), _locked(folder):
             keeper.check_start()
             yield keeper
     except (Interrupted, KeyboardInterrupt) as ended:
@@ -48,10 +47,6 @@ def keeping(folder: Path, name: str, resume: bool, *, many: bool = False, max_se
             raise KeyboardInterrupt("" if of_trace else str(ended)) from None
         why = str(ended) if of_trace else "interrupted"
         raise StoppedError(f"{why}; go on with --resume, from {keeper.path}") from None
-    finally:
-        for part in made:
-            with suppress(OSError):  # not empty
-                part.rmdir()
 
 
 @contextmanager

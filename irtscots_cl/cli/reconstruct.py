@@ -60,7 +60,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.imaging.image_files import read_images
     from irtscots_cl.measurement.methods import check_measure
     from irtscots_cl.pipeline.measure import measure
-    from irtscots_cl.system.atomic_files import check_output_folder
+    from irtscots_cl.system.atomic_files import check_output_folder, made_folder
 
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder, ("result.h5", "report.json"), ("figures",))
@@ -69,9 +69,10 @@ def _execute(options: argparse.Namespace) -> int:
     if (folder / "result.h5").resolve() == options.images.resolve():
         raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
     images = read_images(options.images).saturating_at(options.saturation)
-    facts = measure(
-        images, scene.nominal(), folder, options.threshold, how, strict=options.strict, source=str(options.images)
-    )
+    with made_folder(folder):
+        facts = measure(
+            images, scene.nominal(), folder, options.threshold, how, strict=options.strict, source=str(options.images)
+        )
     for check in facts["checks"]:
         if check["level"] != "ok":
             print(f"irtscots: warning: {check['name']}: {check['text']}", file=sys.stderr)

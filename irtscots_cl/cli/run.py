@@ -29,6 +29,7 @@ from irtscots_cl.cli.keeping import add_resume, keeping
 from irtscots_cl.cli.progress import Progress, add_quiet
 
 # Defaults of the options that a target sets itself.
+OF_RAYS = ("rays_per_pixel", "replicates", "sampler", "precision", "device", "dask", "max_seconds")
 RAYS = {"rays_per_pixel": 16384, "replicates": 8, "aim": "mirror", "overfill": 1.0}
 
 
@@ -131,7 +132,7 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
     """Raise ValueError for options that are out of range or do not fit together."""
     from irtscots_cl.execution.launch_plan import share_rays
     from irtscots_cl.measurement.methods import check_measure
-    from irtscots_cl.tracing.options import TraceOptions
+    from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
 
     names = ("estimator", "sampler", "precision", "aim", "overfill", "smoothing", *PATH_CHOICES)
     TraceOptions(**{name: wanted[name] for name in names if name in wanted}, seed=options.seed)
@@ -139,6 +140,9 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
     share_rays(wanted["rays_per_pixel"], wanted["replicates"])
     if options.max_seconds is not None and not 0 < options.max_seconds < math.inf:
         raise ValueError(f"--max-seconds = {options.max_seconds}: must be above 0 and finite")
+    if wanted["estimator"] == ANALYTIC and options.target_nm is None:
+        for name in choices(options, OF_RAYS):
+            raise ValueError(f"--{name.replace('_', '-')}: must be left out with --estimator analytic: it has no rays")
     if options.target_nm is not None:
         for name in ("resume", "max-seconds"):
             if getattr(options, name.replace("-", "_")):

@@ -23,7 +23,8 @@ def read_images(path: Path) -> ImageStack:
     line, for a file that cannot be read or does not have this form.
     """
     if not path.is_file():
-        raise ValueError(f"{path}: not a readable HDF5 file: there is no file of that name")
+        why = "it is a folder" if path.is_dir() else "there is no file of that name"
+        raise ValueError(f"{path}: not a readable HDF5 file: {why}")
     try:
         with h5py.File(path, "r") as file:
             return ImageStack(*(_read_scan(file, path, axis) for axis in ("x", "y")))
@@ -59,8 +60,11 @@ def _dataset(file: h5py.File, path: Path, name: str) -> h5py.Dataset:
     data = None if elsewhere else file.get(name)
     if elsewhere or (isinstance(data, h5py.Dataset) and (data.external or data.is_virtual)):
         raise ValueError(f"{path}: /{name}: its values are in another file; must be in this one")
-    if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu" or data.shape is None:
-        raise ValueError(f"{path}: /{name}: missing or not a numeric dataset; must be as `irtscots run` writes it")
+    must = "must be a dataset of real numbers, as `irtscots run` writes it"
+    if not isinstance(data, h5py.Dataset):
+        raise ValueError(f"{path}: /{name}: {'missing' if data is None else 'a group'}; {must}")
+    if data.dtype.kind not in "fiu" or data.shape is None:
+        raise ValueError(f"{path}: /{name}: {'empty' if data.shape is None else f'of type {data.dtype}'}; {must}")
     if data.size > MAX_IMAGE_VALUES:
         raise ValueError(f"{path}: /{name}: {data.size} values; at most {MAX_IMAGE_VALUES} are read")
     return data

@@ -6,7 +6,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +66,8 @@ def check_output_folder(folder: Path, files: Iterable[str] = (), folders: Iterab
 
     files, folders: names in it that will be written; the same if something else is in the place of one.
     """
+    if "\0" in str(folder):
+        raise ValueError(f"--out = {str(folder)!r}: no folder can have this name")
     nearest = next(part for part in (folder, *folder.absolute().parents) if part.exists())
     if not nearest.is_dir():
         raise ValueError(f"--out = {str(folder)!r}: {nearest} is not a folder")
@@ -77,3 +79,22 @@ def check_output_folder(folder: Path, files: Iterable[str] = (), folders: Iterab
     for name in folders:
         if (folder / name).exists() and not (folder / name).is_dir():
             raise ValueError(f"--out = {str(folder)!r}: {name} is no folder there; must be one, or not be there")
+        for path in (folder / name).glob("*.png"):
+            if path.is_dir():
+                raise ValueError(f"--out = {str(folder)!r}: {name}/{path.name} is a folder there; must be a file")
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """Make a folder before long work whose files it is to hold; at the end, what was made here and is empty goes.
+
+    Raises OSError if it cannot be made.
+    """
+    made = [part for part in (folder, *folder.parents) if not part.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    finally:
+        for part in made:
+            with suppress(OSError):  # not empty
+                part.rmdir()
