@@ -20,8 +20,8 @@ def add_resume(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="go on where an interrupted command with the same options and --out stopped, to the same bits; where "
-        "there is nothing to go on from, start",
+        help="continue an interrupted command with the same options and --out, to the same bits; without a checkpoint, "
+        "start",
     )
 
 
@@ -46,7 +46,7 @@ def keeping(folder: Path, name: str, resume: bool, *, many: bool = False, max_se
         if not keeper.files():
             raise KeyboardInterrupt("" if of_trace else str(ended)) from None
         why = str(ended) if of_trace else "interrupted"
-        raise StoppedError(f"{why}; go on with --resume, from {keeper.path}") from None
+        raise StoppedError(f"{why}; continue with --resume, from {keeper.path}") from None
 
 
 @contextmanager

@@ -78,7 +78,7 @@ def add(commands) -> None:
         "--max-seconds",
         type=float,
         metavar="S",
-        help="stop after so many seconds of tracing, with exit code 4; --resume goes on",
+        help="stop after so many seconds of tracing, with exit code 4; --resume continues",
     )
     parser.add_argument(
         "--aim",

@@ -1,7 +1,7 @@
-"""Keeps the sums of traces in files, so that a trace goes on where it was interrupted, to the same bits.
+"""Saves the sums of traces in files, so that an interrupted trace can be continued, to the same bits.
 
 A file is one line, `irtscots-cl checkpoint 1 DIGEST JSON`, then the sums as raw arrays, then the digest of all before.
-DIGEST is that of the JSON: the facts that the sums depend on, the place where the trace goes on, and the time it took.
+DIGEST is that of the JSON: the facts that the sums depend on, where the trace continues, and the time that it took.
 The arrays' shapes come from the trace, never from the file, whose size is compared before they are read.
 """
 
@@ -45,12 +45,12 @@ class Interrupted(Exception):  # noqa: N818  no error
 
 
 class Checkpoints:
-    """Where the traces of a command are kept, and when they end early.
+    """Where the traces of a command are saved, and when they end early.
 
-    path: the file of the one trace, or with many=True a folder with a file for each, named after its facts. resume: go
-    on from what is there. max_seconds: of tracing, after which traces end. warn(line): told once when a save fails,
-    since a trace goes on without. stop: set to True, by a callback for example, it ends the trace after the launch, as
-    a signal does that system.interruption handles.
+    path: the file of the one trace, or with many=True a folder with a file for each, named after its facts. resume:
+    continue from the files that are there. max_seconds: of tracing, after which traces end. warn(line): called once if
+    a save fails, since the trace continues without. stop: if set to True, for example by a callback, the trace ends
+    after the launch, as after a signal that system.interruption handles.
     """
 
     def __init__(
@@ -82,17 +82,17 @@ class Checkpoints:
             raise ValueError(f"{self.path}: is {found}; must be {must}, or not be there")
 
     def files(self) -> list[Path]:
-        """What is there to go on from."""
+        """The files from which traces can be continued."""
         if self.many:
             return sorted(path for path in self.path.glob("*") if path.suffix != ".new")
         return [self.path] * self.path.exists()
 
     def check_start(self) -> None:
-        """Refuse, with a ValueError, to write over what an interrupted run has left, or what is no checkpoint."""
+        """Refuse, with a ValueError, to overwrite the files of an interrupted run, or what is no checkpoint."""
         self.check_place()
         if self.files() and not self.resume:
             raise ValueError(
-                f"{self.path}: left by an interrupted run; must be gone on with by --resume, or be deleted first"
+                f"{self.path}: left by an interrupted run; must be continued by --resume, or deleted first"
             )
 
     def remove(self) -> None:
@@ -104,7 +104,7 @@ class Checkpoints:
 
 
 class Checkpoint:
-    """The file of one trace. seconds: {"trace", "kernels"} that earlier processes spent on what is in it."""
+    """The file of one trace. seconds: {"trace", "kernels"} that earlier processes spent on its sums."""
 
     def __init__(self, keeper: Checkpoints, path: Path, facts: Fingerprint):
         self._keeper, self.path, self._facts = keeper, path, facts | {"byte_order": sys.byteorder}
@@ -123,10 +123,10 @@ class Checkpoint:
     def begin(
         self, job: Fingerprint, rays: np.ndarray, sources: int, per_item: int, sums: tuple[np.ndarray, ...]
     ) -> Cursor:
-        """Read the file's sums into `sums`, each [replicates, ...] and zero; returns where the trace goes on.
+        """Read the file's sums into `sums`, each [replicates, ...] and zero; returns where the trace continues.
 
-        job: the facts that are known once the kernel is built. rays: [replicates] per source. Where there is no file or
-        none is wanted, the trace starts. Raises ValueError, one line, for a file that is damaged or of something else.
+        job: the facts that are known once the kernel is built. rays: [replicates] per source. Without a file, or if
+        none is wanted, the trace starts anew. Raises ValueError, one line, for a damaged file or one of another run.
         """
         keeper, self._facts, self._sums, cursor = self._keeper, self._facts | job, sums, Cursor()
         self._rays, self._streams = rays, sources
@@ -140,9 +140,9 @@ class Checkpoint:
         return cursor
 
     def launched(self, cursor: Cursor, kernel_seconds: float, collect: Callable[[], None]) -> None:
-        """After each launch but the last: save if it is time to. collect() brings begin's sums up to `place`.
+        """After each launch except the last: save if a save is due. collect() updates the sums of `begin` to `cursor`.
 
-        kernel_seconds: since `begin`. Raises Interrupted, after a save, if the trace is to end.
+        kernel_seconds: since `begin`. Raises Interrupted, after a save, if the trace must end.
         """
         now, cost = time.monotonic(), self._seconds_per_byte * nbytes_of(self._kept_of(cursor))
         if not self.ends and now - self._saved < max(MIN_SECONDS, COST_SHARE * cost):
@@ -155,7 +155,7 @@ class Checkpoint:
             raise Interrupted(f"{self._why()} after {self._share(cursor):.0%} of the rays{lost}")
 
     def ended(self, cursor: Cursor, kernel_seconds: float) -> None:
-        """After the last launch, the sums complete: they replace what was saved before."""
+        """After the last launch, when the sums are complete: they replace those that were saved before."""
         now, lost = time.monotonic(), ""
         if self._stopped:
             lost = self._end_unsaved(now, self._seconds_per_byte * nbytes_of(self._kept_of(cursor)))
@@ -178,11 +178,11 @@ class Checkpoint:
 
     @property
     def ends(self) -> bool:
-        """Whether the trace is to end at the next call of `launched`."""
+        """Whether the trace ends at the next call of `launched`."""
         return self._stopped or time.monotonic() >= self._keeper.end_time
 
     def discard(self) -> None:
-        """Forget the sums, which turned out to be of no use."""
+        """Delete the saved sums, which turned out to be useless."""
         self.path.unlink(missing_ok=True)
         self._in_file, self.seconds = False, {"trace": 0.0, "kernels": 0.0}
 
@@ -204,7 +204,7 @@ class Checkpoint:
         return [array[: cursor.replicate + (cursor != Cursor(cursor.replicate))] for array in self._sums]
 
     def _save(self, cursor: Cursor, kernel_seconds: float, started: float) -> None:
-        """Replace the file by the sums; where that fails the old one stays and the trace goes on."""
+        """Replace the file by the sums; if that fails, the old file stays and the trace continues."""
         arrays, keeper = self._kept_of(cursor), self._keeper
         seconds = {"trace": started - self._began + self.seconds["trace"],
                    "kernels": kernel_seconds + self.seconds["kernels"]}  # fmt: skip
@@ -215,7 +215,7 @@ class Checkpoint:
             self._in_file = True
         except OSError as error:
             if not keeper.warned:
-                keeper.warn(f"{self.path}: cannot be saved: {error.strerror or error}; tracing goes on")
+                keeper.warn(f"{self.path}: cannot be saved: {error.strerror or error}; tracing continues")
             keeper.warned = True
         self._saved = time.monotonic()
         self._seconds_per_byte = (self._saved - started) / max(nbytes_of(arrays), 1)

@@ -390,7 +390,7 @@ def test_a_full_disk_leaves_the_old_file_and_the_trace_goes_on(tmp_path, eager, 
 
     monkeypatch.setattr(os, "fsync", full)
     assert same(run(Checkpoints(path, warn=warned.append)), EXPECTED)
-    assert warned == [f"{path}: cannot be saved: No space left on device; tracing goes on"]
+    assert warned == [f"{path}: cannot be saved: No space left on device; tracing continues"]
     assert [file.name for file in tmp_path.iterdir()] == ["kept"]
     monkeypatch.undo()
     job = CountingJob()
@@ -450,7 +450,7 @@ def test_each_trace_of_a_study_has_its_file(tmp_path, eager):
     for job, seed in zip(jobs, (1, 2, 4), strict=True):
         assert same(run(again, job, FACTS | {"seed": seed}), run_rays(CountingJob(seed), RAYS))
     assert [len(job.launches) for job in jobs[:2]] == [0, 0] and jobs[2].launches
-    with pytest.raises(ValueError, match=r"checkpoints: left by an interrupted run; must be gone on with by --resume"):
+    with pytest.raises(ValueError, match=r"checkpoints: left by an interrupted run; must be continued by --resume"):
         Checkpoints(folder, many=True).check_start()
     again.check_start()
     again.remove()

@@ -363,7 +363,8 @@ def test_a_signal_ends_a_run_on_a_cluster(device, shell_cluster, tmp_path, with_
     out, err = run.communicate(timeout=60)
     assert time.monotonic() - started < 15  # on a loaded machine; a second or two without load
     if with_worker:  # nothing is saved before a whole replicate, but the place is
-        assert (run.returncode, out) == (4, "") and err.startswith("irtscots: interrupted after 0% of the rays; go on")
+        assert (run.returncode, out) == (4, "")
+        assert err.startswith("irtscots: interrupted after 0% of the rays; continue with --resume, from ")
     else:
         assert (run.returncode, out, err) == (130, "", "irtscots: interrupted; nothing was written\n")
     assert err.count("\n") == 1

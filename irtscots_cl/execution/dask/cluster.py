@@ -43,8 +43,8 @@ def connect(address: str) -> Any:
 class DaskExecutor:
     """The workers of a Dask cluster as an executor.Executor: those that there are, and those that join.
 
-    A worker whose devices fail is left out, and the log says so. Raises CodeError if a worker runs other code, and
-    DeviceError if there is no worker for WAIT_SECONDS, or all have failed.
+    A worker whose devices fail is left out and logged. Raises CodeError if a worker runs other code, and DeviceError if
+    there is no worker for WAIT_SECONDS, or all have failed.
     """
 
     def __init__(self, client: Any):

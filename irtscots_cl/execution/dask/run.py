@@ -27,8 +27,8 @@ from irtscots_cl.execution.task import TraceTask
 from irtscots_cl.opencl.device import DeviceError
 from irtscots_cl.system import interruption
 
-TASK_SECONDS = 4.0  # of a task: long beside what the scheduler does for it, short beside what a lost worker costs
-MIN_TASK_SECONDS = 0.25  # near the end, when what is left is shared out
+TASK_SECONDS = 4.0  # of a task: much longer than the scheduler's work for it, and little is lost with a worker
+MIN_TASK_SECONDS = 0.25  # near the end, when the remaining rays are divided among all
 SUM_BYTES_PER_SECOND = 1e7  # of a worker's sums: larger ones make longer tasks, so that the network keeps up
 SCHEDULER_SECONDS = 0.01  # of a task, for scheduler and client to keep up with: with many workers tasks get longer
 FAN_IN = 8  # sums that a worker adds up at a time
@@ -112,7 +112,7 @@ class ClusterRun:
         return float(sum(of_one["kernels"] for of_one in self.ran.values()) / max(1, len(self.ran)))
 
     def cancel(self) -> None:
-        """Take back what has not run."""
+        """Cancel all tasks that have not run."""
         futures = [future for future, _, _ in self._out.values()]
         if futures and self._cluster.client.status == "running":
             self._cluster.client.cancel(futures)
@@ -190,7 +190,7 @@ class ClusterRun:
             self._speeds.append(future.result())
 
     def _totalled(self, future: Any, replicate: int) -> None:
-        if not self._is_well(future):  # what a lost worker had was traced again, on one that failed: once more
+        if not self._is_well(future):  # rays of a lost worker were traced again, on a worker that failed: once more
             self._retries += 1
             if self._retries > MAX_RETRIES:
                 raise DeviceError(f"--dask: {future.exception().line}, {MAX_RETRIES} times after workers were lost")
@@ -212,7 +212,7 @@ class ClusterRun:
     # what goes wrong
 
     def _is_well(self, future: Any) -> bool:
-        """Whether a future has a result; False if its worker failed and is left out. Raises what is worse."""
+        """Whether a future has a result; False if its worker failed and is left out. Raises any other failure."""
         if future.status == "finished":
             return True
         if future.status != "error":
