@@ -93,9 +93,9 @@ def _clean_images(transport: Transport | LineLight) -> tuple[ImageStack, dict]:
 
 
 def outlook(traced: Transport | LineLight | PathLight, measure: str, nominal: Setup | None = None) -> str:
-    """What a trace of some replicates says of the error, in words; "" where it says nothing yet.
+    """The error so far, in words, from a trace of some replicates; "" if they do not give it yet.
 
-    nominal: the set-up of the design, where it is there already.
+    nominal: the set-up of the design, if the caller has it.
     """
     flux_w = traced.line_flux_w("x").sum((1, 2))
     if len(flux_w) < 2 or not flux_w.all():

@@ -1,7 +1,7 @@
 """The analytic estimator: every pixel's light curves in closed form (optics/pixel/response.py), without rays' noise.
 
-Light that the screen's other edge cuts off has no closed form: pixels with such light get no light curve, as those
-whose map is not quadratic enough, and are counted in the ledger.
+Light that the screen's other edge cuts off has no closed form. Pixels with such light get no light curve, like pixels
+whose map is not quadratic enough; the ledger counts both.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
 from irtscots_cl.tracing.results.transport import LineLight, ledger_from
 
-MARGIN = 1  # screen pixels that the windows are wider than the chief rays say
+MARGIN = 1  # screen pixels by which the windows are wider than the chief rays require
 HOST = {
     "index": "-", "name": "host", "platform": "NumPy", "driver": np.__version__, "kind": "host", "compute_units": 1,
 }  # fmt: skip
@@ -30,7 +30,7 @@ def trace_analytic(setup: Setup) -> LineLight:
     """The light curves of a scene's line scans, in float64 on the host.
 
     The ledger counts the rays that the pixels' maps are fitted to, by what becomes of their pixel's light: detected,
-    missed_mirror, off_screen (some of it beside the screen), failed (the map is not quadratic enough).
+    missed_mirror, off_screen (some of it misses the screen), failed (the map is not quadratic enough).
     Raises SceneError if no pixel sees the screen, ValueError if no pixel's light has a closed form.
     """
     started = time.perf_counter()
