@@ -14,6 +14,7 @@ from irtscots_cl.scene.presets import load_scene, with_noise_file
 
 if TYPE_CHECKING:
     from irtscots_cl.optics.setup import Setup
+    from irtscots_cl.report.types import CheckFacts
 
 DEVICE_HELP = (
     "part of a device's name, its index such as 0:0, cpu or gpu; "
@@ -139,6 +140,13 @@ def add_noise(parser: argparse.ArgumentParser) -> None:
         "scene's own: what a real camera and screen do to the images; default: as the scene says, without such tables "
         "no noise",
     )
+
+
+def warn_of(checks: Iterable[CheckFacts]) -> None:
+    """Print the checks of images that were not passed, a line each, to stderr."""
+    for check in checks:
+        if check["level"] != "ok":
+            print(f"irtscots: {check['level']}: {check['name']}: {check['text']}", file=sys.stderr)
 
 
 def print_tables(tables) -> None:

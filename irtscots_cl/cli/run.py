@@ -12,6 +12,7 @@ from irtscots_cl.cli.common import (
     DASK_HELP,
     DEFAULTS,
     DEVICES_HELP,
+    LAB_MEASURE,
     PATH_CHOICES,
     add_measure,
     add_noise,
@@ -24,6 +25,7 @@ from irtscots_cl.cli.common import (
     print_tables,
     site_arguments,
     visible_setup,
+    warn_of,
 )
 from irtscots_cl.cli.keeping import add_resume, keeping
 from irtscots_cl.cli.progress import Progress, add_quiet
@@ -45,7 +47,7 @@ def add(commands) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME")
     add_trace_choices(parser, DEVICES_HELP)
     parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
-    add_measure(parser)
+    add_measure(parser, default=f"paper, and {LAB_MEASURE} with camera noise")
     parser.add_argument(
         "--rays-per-pixel",
         type=int,
@@ -104,6 +106,8 @@ def _execute(options: argparse.Namespace) -> int:
     setup = visible_setup(options.scene, options.noise)
     scene = setup.scene
     _check_scene(scene, options, given)
+    if scene.has_noise_tables:
+        given = {"measure": LAB_MEASURE} | given
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
     check_output_folder(folder, ("result.h5", "report.json", "report.html", ".lock"), ("figures",))
     from irtscots_cl.pipeline.output import write_run
@@ -116,6 +120,7 @@ def _execute(options: argparse.Namespace) -> int:
             run = _reach(setup, options, given)
         write_run(run, folder)
         keeper.remove()
+    warn_of(run.report.get("checks", ()))
     if options.json:
         from irtscots_cl.system.atomic_files import plain
 

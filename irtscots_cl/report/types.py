@@ -188,6 +188,7 @@ class Report(TypedDict):
     zernike: list[ZernikeFacts]
     target: NotRequired[Target]
     noise: NotRequired[NoiseFacts]
+    checks: NotRequired[list[CheckFacts]]
 
 
 class Staying(TypedDict):
