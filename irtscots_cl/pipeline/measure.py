@@ -54,7 +54,8 @@ def measure(
     try:
         result, stack, bars, checks = _measured(stack, Setup(nominal), threshold, how, strict)
     except ValueError as error:
-        raise type(error)(f"{source}: {error}") from None
+        kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
+        raise kind(f"{source}: {error}") from None
     attributes = {"scene": nominal.to_toml(), "measure": how} | version_attributes()
     with open_output_folder(folder):
         write_result(folder / "result.h5", stack, result, attributes, bars)
