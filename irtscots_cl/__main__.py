@@ -1,8 +1,17 @@
-"""`python -m irtscots_cl` is the command `irtscots`."""
+"""The program: `python -m irtscots_cl` is the command `irtscots`."""
 
 import sys
 
-from irtscots_cl.cli import main
+
+def main() -> int:
+    """Run the command line of this process; Ctrl-C and SIGTERM are handled from here to the process's end."""
+    from irtscots_cl.system import interruption
+
+    interruption.handle()
+    from irtscots_cl.cli import main  # after it: this import takes most of the time before a command begins
+
+    return main()
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -16,6 +16,7 @@ from typing import NoReturn
 from irtscots_cl.cli import bench, devices, kernel, paths, reconstruct, reproduce, run, scenes, stability
 from irtscots_cl.cli.common import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_NO_DEVICE, EXIT_STOPPED, StoppedError, fail
 from irtscots_cl.scene.validation import SceneError
+from irtscots_cl.system import interruption
 
 COMMANDS = (run, scenes, devices, kernel, paths, reconstruct, reproduce, bench, stability)
 
@@ -23,7 +24,13 @@ COMMANDS = (run, scenes, devices, kernel, paths, reconstruct, reproduce, bench, 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command and return the exit code. Every expected failure prints one line on stderr."""
     options = _parser().parse_args(arguments)
+    with interruption.handled():
+        return _run(options)
+
+
+def _run(options: argparse.Namespace) -> int:
     try:
+        interruption.check()
         with warnings.catch_warnings():
             # drivers print comments on kernels that they did build, which do not help a user
             warnings.filterwarnings("ignore", "Non-empty compiler output|.*non-empty logs")
@@ -33,14 +40,17 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # the reader, such as `head`, has closed the output
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (SceneError, ValueError, OSError) as error:
+    except (SceneError, ValueError) as error:
         return fail(error, EXIT_BAD_INPUT)
+    except OSError as error:
+        name = error.filename2 or error.filename  # the second is where a file was to be moved to
+        return fail(f"{name}: {error.strerror}" if name and error.strerror else error, EXIT_BAD_INPUT)
     except MemoryError as error:  # of the host; Python's own message is empty
         return fail(f"too little memory on the host: {error}".removesuffix(": "), EXIT_NO_DEVICE)
     except StoppedError as stopped:
         return fail(stopped, EXIT_STOPPED)
-    except KeyboardInterrupt:
-        return fail("interrupted; nothing was written", EXIT_INTERRUPTED)
+    except KeyboardInterrupt as interrupt:
+        return fail(f"interrupted; {str(interrupt) or 'nothing was written'}", EXIT_INTERRUPTED)
     except RuntimeError as error:
         if type(error).__name__ != "DeviceError":  # compared by name: its class needs the slow import of pyopencl
             raise

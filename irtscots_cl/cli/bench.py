@@ -35,18 +35,20 @@ def add(commands) -> None:
 
 
 def _execute(options: argparse.Namespace) -> int:
-    from irtscots_cl.system.atomic_files import check_output_folder, plain, write_json
+    from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain, write_json
 
-    check_output_folder(options.out)
+    check_output_folder(options.out, ("bench.json", "bench.png"))
     from irtscots_cl.bench.figures import write_figures
     from irtscots_cl.bench.suite import run_bench
     from irtscots_cl.bench.tables import bench_tables
     from irtscots_cl.opencl.device import select_device
+    from irtscots_cl.pipeline.output import told_as_incomplete
 
-    results = run_bench(select_device(options.device), options.quick, options.scaling, options.accuracy)
-    options.out.mkdir(parents=True, exist_ok=True)
-    write_json(options.out / "bench.json", results)
-    write_figures(options.out, results)
+    with made_folder(options.out):
+        results = run_bench(select_device(options.device), options.quick, options.scaling, options.accuracy)
+        with told_as_incomplete(options.out):
+            write_json(options.out / "bench.json", results)
+            write_figures(options.out, results)
     if options.json:
         print_json(plain(results))
     else:

@@ -12,7 +12,7 @@ def add(commands) -> None:
 
 
 def _execute(options: argparse.Namespace) -> int:
-    from irtscots_cl.opencl.device import HINT, DeviceError, all_devices
+    from irtscots_cl.opencl.device import DeviceError, all_devices, no_device_message
     from irtscots_cl.opencl.selftest import probe
 
     found = []
@@ -31,5 +31,5 @@ def _execute(options: argparse.Namespace) -> int:
             if key not in ("index", "name", "platform", "driver"):
                 print(f"     {key.replace('_', ' '):28} {value}")
     if not found:
-        return fail(f"no OpenCL device found; {HINT}", EXIT_NO_DEVICE)
+        return fail(no_device_message(), EXIT_NO_DEVICE)
     return 0

@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import signal
 import sys
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from irtscots_cl.cli.common import StoppedError
+from irtscots_cl.system import interruption
 
 LOCK = ".lock"
 
@@ -21,8 +20,8 @@ def add_resume(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="go on where an interrupted command with the same options and --out stopped, to the same bits; where "
-        "there is nothing to go on from, start",
+        help="continue an interrupted command with the same options and --out, to the same bits; without a checkpoint, "
+        "start",
     )
 
 
@@ -33,46 +32,21 @@ def keeping(folder: Path, name: str, resume: bool, *, many: bool = False, max_se
     Raises StoppedError if the command is interrupted and can be resumed. A folder created here is removed if empty.
     """
     from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
+    from irtscots_cl.system.atomic_files import made_folder
 
     keeper = Checkpoints(
         folder / name, resume, many, max_seconds, lambda line: print(f"irtscots: {line}", file=sys.stderr)
     )
-    made = [part for part in (folder, *folder.parents) if not part.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
     try:
-        with _locked(folder):
+        with made_folder(folder), _locked(folder):
             keeper.check_start()
-            with _signals(keeper):
-                yield keeper
+            yield keeper
     except (Interrupted, KeyboardInterrupt) as ended:
+        of_trace = isinstance(ended, Interrupted)
         if not keeper.files():
-            raise KeyboardInterrupt from None
-        why = str(ended) or "interrupted"
-        raise StoppedError(f"{why}; go on with --resume, from {keeper.path}") from None
-    finally:
-        for part in made:
-            with suppress(OSError):  # not empty
-                part.rmdir()
-
-
-@contextmanager
-def _signals(keeper) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end a trace after its launch and save its sums; a second signal ends it immediately."""
-
-    def end(*_) -> None:
-        if not keeper.tracing or keeper.stop:
-            raise KeyboardInterrupt
-        keeper.stop = True
-
-    if threading.current_thread() is not threading.main_thread():  # Python allows handlers in the main thread only
-        yield
-        return
-    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+            raise KeyboardInterrupt("" if of_trace else str(ended)) from None
+        why = str(ended) if of_trace else "interrupted"
+        raise StoppedError(f"{why}; continue with --resume, from {keeper.path}") from None
 
 
 @contextmanager
@@ -93,7 +67,8 @@ def _locked(folder: Path) -> Iterator[None]:
             if not _is_at(file.fileno(), path):  # the previous owner has just removed it
                 continue
             try:
-                yield
+                with interruption.before_the_end(path.unlink):
+                    yield
             finally:
                 path.unlink(missing_ok=True)
             return

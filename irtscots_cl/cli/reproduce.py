@@ -42,8 +42,9 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.system.atomic_files import check_output_folder, plain, write_json
 
     names = suite.chosen(options.what)
-    check_output_folder(options.out)
+    check_output_folder(options.out, ("reproduce.json", "reproduce.md", "reproduce.html", ".lock"))
     from irtscots_cl.opencl.device import select_device
+    from irtscots_cl.pipeline.output import told_as_incomplete
     from irtscots_cl.studies.traces import SharedTraces
 
     device, finished = select_device(options.device), []
@@ -57,10 +58,11 @@ def _execute(options: argparse.Namespace) -> int:
                 print("\n".join(f"  {note}" for note in finished[-1].outcome.notes))
                 sys.stdout.flush()
         results = suite.facts(finished, traces)
-        suite.write_figures(options.out, finished)
-        if options.what == suite.ALL:
-            suite.write_documents(options.out, finished, traces)
-        write_json(options.out / "reproduce.json", results)
+        with told_as_incomplete(options.out):
+            suite.write_figures(options.out, finished)
+            if options.what == suite.ALL:
+                suite.write_documents(options.out, finished, traces)
+            write_json(options.out / "reproduce.json", results)
         keeper.remove()
     if options.json:
         print_json(plain(results))

@@ -32,6 +32,7 @@ from irtscots_cl.cli.keeping import add_resume, keeping
 from irtscots_cl.cli.progress import Progress, add_quiet
 
 # Defaults of the options that a target sets itself.
+OF_RAYS = ("rays_per_pixel", "replicates", "sampler", "precision", "device", "dask", "max_seconds")
 RAYS = {"rays_per_pixel": 16384, "replicates": 8, "aim": "mirror", "overfill": 1.0}
 
 
@@ -80,7 +81,7 @@ def add(commands) -> None:
         "--max-seconds",
         type=float,
         metavar="S",
-        help="stop after so many seconds of tracing, with exit code 4; --resume goes on",
+        help="stop after so many seconds of tracing, with exit code 4; --resume continues",
     )
     parser.add_argument(
         "--aim",
@@ -104,7 +105,7 @@ def _execute(options: argparse.Namespace) -> int:
     if scene.has_noise_tables:
         given = {"measure": LAB_MEASURE} | given
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
-    check_output_folder(folder)
+    check_output_folder(folder, ("result.h5", "report.json", "report.html", ".lock"), ("figures",))
     from irtscots_cl.pipeline.output import write_run
 
     seconds = math.inf if options.max_seconds is None else options.max_seconds
@@ -132,7 +133,7 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
     """Raise ValueError for options that are out of range or do not fit together."""
     from irtscots_cl.execution.launch_plan import share_rays
     from irtscots_cl.measurement.methods import check_measure
-    from irtscots_cl.tracing.options import TraceOptions
+    from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
 
     names = ("estimator", "sampler", "precision", "aim", "overfill", "smoothing", *PATH_CHOICES)
     TraceOptions(**{name: wanted[name] for name in names if name in wanted}, seed=options.seed)
@@ -140,6 +141,9 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
     share_rays(wanted["rays_per_pixel"], wanted["replicates"])
     if options.max_seconds is not None and not 0 < options.max_seconds < math.inf:
         raise ValueError(f"--max-seconds = {options.max_seconds}: must be above 0 and finite")
+    if wanted["estimator"] == ANALYTIC and options.target_nm is None:
+        for name in choices(options, OF_RAYS):
+            raise ValueError(f"--{name.replace('_', '-')}: must be left out with --estimator analytic: it has no rays")
     if options.target_nm is not None:
         for name in ("resume", "max-seconds"):
             if getattr(options, name.replace("-", "_")):

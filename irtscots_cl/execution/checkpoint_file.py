@@ -10,11 +10,13 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from irtscots_cl.system import interruption
+
 Fingerprint = dict[str, str | int | float | bool]
 FORMAT = b"irtscots-cl checkpoint 1 "
 MAX_HEADER_BYTES = 2**14
 DIGEST_BYTES = 32
-HASHED = ("scene", "code", "inputs", "paths")  # facts that are too long to be told
+HASHED = ("scene", "code", "inputs", "paths")  # facts whose values are too long for a message
 
 
 def digest_of(facts: Fingerprint) -> str:
@@ -23,7 +25,7 @@ def digest_of(facts: Fingerprint) -> str:
 
 
 def hash_of(*pieces: bytes | np.ndarray) -> str:
-    """32 hexadecimal digits that tell these bytes from others; each piece with its length."""
+    """A digest of the pieces and their lengths: 32 hexadecimal digits."""
     digest = hashlib.blake2b(digest_size=16)
     for piece in pieces:
         data = piece if isinstance(piece, bytes) else np.ascontiguousarray(piece).tobytes()
@@ -32,11 +34,11 @@ def hash_of(*pieces: bytes | np.ndarray) -> str:
 
 
 def write_checkpoint(path: Path, header: bytes, arrays: list[np.ndarray]) -> None:
-    """Write the file beside its place, down to the disk, and move it there: always the old one or the new one is."""
+    """Write a new file, flush it to the disk and rename it: at any time either the old or the new file is complete."""
     line = FORMAT + hash_of(header).encode() + b" " + header + b"\n"
     digest, new = digest_hash(line), new_path(path)
     try:
-        with open(new, "wb") as file:
+        with interruption.before_the_end(new.unlink), open(new, "wb") as file:
             file.write(line)
             for array in arrays:
                 if array.size:
@@ -89,8 +91,8 @@ def differences(kept: dict[str, Any], here: Fingerprint) -> str:
     words = []
     for name in names:
         values = (f"{kept.get(name, 'none')}"[:60], f"{here.get(name, 'none')}"[:60])
-        told = name not in HASHED and all(value.isprintable() for value in values)
-        words.append(f"{name[:60]!a} = {values[0]}, here {values[1]}" if told else f"other {name[:60]!a}")
+        shown = name not in HASHED and all(value.isprintable() for value in values)
+        words.append(f"{name[:60]!a} = {values[0]}, here {values[1]}" if shown else f"other {name[:60]!a}")
     return "; ".join(words[:5]).replace("'", "")
 
 

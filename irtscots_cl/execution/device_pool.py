@@ -15,7 +15,7 @@ from irtscots_cl.execution.launch_plan import RateMeter, RayBlock
 from irtscots_cl.execution.task import Tracer
 from irtscots_cl.opencl.device import Device, DeviceError, describe_together, merge_descriptions
 
-SHARE = 0.5  # of what would be a device's due, taken at a time: what is left evens out what speeds did not tell
+SHARE = 0.5  # of a device's share by its speed, taken at a time: the rest evens out errors of the speeds
 MIN_SECONDS = 0.02  # of a launch, however little is left
 log = logging.getLogger(__name__)
 
@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 class open_pool:  # noqa: N801  used as a function: `with open_pool(devices, build) as (tracer, describe):`
     """One tracer of all the devices that can build it, and a function that describes the devices that take part.
 
-    A device that cannot is left out, and the log says so; DeviceError if none can.
+    A device that cannot is left out and logged; DeviceError if none can.
     """
 
     def __init__(self, devices: Sequence[Device], build: Callable[[Device], Tracer]):
@@ -64,8 +64,8 @@ class DevicePool:
     """Tracers of the same task on several devices, as one task.Tracer.
 
     Each launch is shared: a thread per device takes pieces of it, larger ones on faster devices, until all is done.
-    Every device adds up its own sums; sums() takes and adds them. A device that fails is left out, and the log says so:
-    what it launched since its sums were last taken is launched again on the others. DeviceError when all have failed.
+    Every device adds up its own sums; sums() takes and adds them. A device that fails is left out and logged: its
+    launches since its sums were last taken are repeated on the others. DeviceError if all have failed.
     """
 
     def __init__(self, members: Sequence[PooledDevice]):
@@ -74,7 +74,7 @@ class DevicePool:
         self.first_launch_rays = sum(member.tracer.first_launch_rays for member in members)
         self.rate_meter = RateMeter()
         self.fingerprint = merge_descriptions([member.tracer.fingerprint for member in members])
-        self._taken: tuple[np.ndarray, ...] | None = None  # sums of what is no longer on the devices
+        self._taken: tuple[np.ndarray, ...] | None = None  # sums that were taken from the devices
         self._todo: list[tuple[int, RayBlock]] = []
         self._lock, self._pool = threading.Lock(), ThreadPoolExecutor(len(members))
 
@@ -118,7 +118,7 @@ class DevicePool:
             self._lose(member, error)
 
     def _share(self, *todo: tuple[int, RayBlock]) -> None:
-        """Launch these blocks and what else is to be done."""
+        """Launch these blocks and all others that are waiting."""
         self._todo += todo
         try:
             while self._todo:  # again where a device failed when the others had come to an end
@@ -138,7 +138,7 @@ class DevicePool:
                 return
 
     def _take(self, member: PooledDevice) -> tuple[int, RayBlock] | None:
-        """The next piece of what is to be done, of a size for this device."""
+        """The next piece of the waiting blocks, of a size for this device."""
         with self._lock:
             if not self._todo:
                 return None

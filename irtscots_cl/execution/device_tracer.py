@@ -8,6 +8,7 @@ from irtscots_cl.execution.launch_plan import RateMeter, RayBlock
 from irtscots_cl.execution.task import TraceProgram, TraceTask
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
+from irtscots_cl.system import interruption
 
 MIN_TIMED_RAYS = 2**14  # of a source, in a benchmark
 
@@ -60,6 +61,7 @@ class DeviceTracer:
         Every source gets at least min_rays, so that work done once per work-item does not count; with many sources,
         only those in the middle take part.
         """
+        interruption.check()
         per_source = max(rays // self.sources, min_rays)
         sources = max(1, min(self.sources, rays // per_source))
         self.rate_meter.kernel_seconds = 0.0

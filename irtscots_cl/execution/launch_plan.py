@@ -39,7 +39,7 @@ class RayBlock(NamedTuple):
 
 
 class Cursor(NamedTuple):
-    """Where a trace goes on: all before, in the order of plan_launches, is traced.
+    """Where a trace continues: all rays before it, in the order of plan_launches, are traced.
 
     first_ray: of a block of rays of all sources. block_rays: of each source in it; 0 where first_source is 0.
     """
@@ -64,7 +64,7 @@ class Cursor(NamedTuple):
         return whole * sources + self.first_source * self.block_rays
 
     def check(self, rays: np.ndarray, sources: int, per_item: int) -> None:
-        """ValueError if no trace of rays [replicates] per source comes by here."""
+        """ValueError if no trace of rays [replicates] per source can have this cursor."""
         if not all(type(n) is int for n in self) or not 0 <= self.replicate <= len(rays):
             raise ValueError("place")
         left = (int(rays[self.replicate]) if self.replicate < len(rays) else 1) - self.first_ray

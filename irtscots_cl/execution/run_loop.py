@@ -10,6 +10,7 @@ import numpy as np
 from irtscots_cl.execution.executor import RunControl
 from irtscots_cl.execution.launch_plan import Cursor, plan_launches
 from irtscots_cl.execution.task import Tracer
+from irtscots_cl.system import interruption
 
 
 def run_rays(tracer: Tracer, rays: np.ndarray, control: RunControl = RunControl()) -> tuple[np.ndarray, ...]:  # noqa: B008  frozen
@@ -38,7 +39,9 @@ def run_rays(tracer: Tracer, rays: np.ndarray, control: RunControl = RunControl(
                 _collect(tracer, found, replicate)
                 if control.on_replicate is not None and cursor != end:
                     control.on_replicate(tuple(array[: cursor.replicate] for array in found))
-            if checkpoint is not None and cursor != end:
+            if checkpoint is None:
+                interruption.check()
+            elif cursor != end:
                 seconds = tracer.rate_meter.kernel_seconds
                 checkpoint.launched(cursor, seconds, partial(_collect, tracer, found, cursor.replicate))
     if checkpoint is not None:

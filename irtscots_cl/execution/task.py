@@ -1,4 +1,4 @@
-"""What is traced, without a device: the rays of a trace, the kernel that traces them, the sums that they fill."""
+"""A trace without its device: its rays, the kernel that traces them, the sums that they fill."""
 
 from __future__ import annotations
 

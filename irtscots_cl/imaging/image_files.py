@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import h5py
+import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan, check_shapes
+from irtscots_cl.system import interruption
 from irtscots_cl.system.memory import check_memory
 
 BYTES_PER_VALUE = 32  # of images: memory while a mirror is measured from them
+VALUES_AT_ONCE = 2**24
 MAX_IMAGE_VALUES = 2**28  # of one scan in an unknown file: 2 GiB in float64
 
 
@@ -20,7 +23,8 @@ def read_images(path: Path) -> ImageStack:
     line, for a file that cannot be read or does not have this form.
     """
     if not path.is_file():
-        raise ValueError(f"{path}: not a readable HDF5 file: there is no file of that name")
+        why = "it is a folder" if path.is_dir() else "there is no file of that name"
+        raise ValueError(f"{path}: not a readable HDF5 file: {why}")
     try:
         with h5py.File(path, "r") as file:
             return ImageStack(*(_read_scan(file, path, axis) for axis in ("x", "y")))
@@ -33,9 +37,20 @@ def _read_scan(file: h5py.File, path: Path, axis: str) -> Scan:
     check_memory(f"{path}: /images/{axis}: {images.size} values", images.size * BYTES_PER_VALUE)
     try:
         check_shapes(axis, lines.shape, images.shape)  # before reading any values
-        return Scan.from_images(axis, lines[()], images[()])
+        return Scan.from_images(axis, lines[()], _values(images))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _values(images: h5py.Dataset) -> np.ndarray:
+    """All values, read in parts, so that a signal need not wait for gigabytes."""
+    values = np.empty(images.shape, images.dtype)
+    chunk = images.chunks[0] if images.chunks else 1  # parts of whole chunks: each is unpacked once
+    count = chunk * max(1, VALUES_AT_ONCE * len(images) // (images.size * chunk))
+    for first in range(0, len(images), count):
+        interruption.check()
+        values[first : first + count] = images[first : first + count]
+    return values
 
 
 def _dataset(file: h5py.File, path: Path, name: str) -> h5py.Dataset:
@@ -45,8 +60,11 @@ def _dataset(file: h5py.File, path: Path, name: str) -> h5py.Dataset:
     data = None if elsewhere else file.get(name)
     if elsewhere or (isinstance(data, h5py.Dataset) and (data.external or data.is_virtual)):
         raise ValueError(f"{path}: /{name}: its values are in another file; must be in this one")
-    if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu" or data.shape is None:
-        raise ValueError(f"{path}: /{name}: missing or not a numeric dataset; must be as `irtscots run` writes it")
+    must = "must be a dataset of real numbers, as `irtscots run` writes it"
+    if not isinstance(data, h5py.Dataset):
+        raise ValueError(f"{path}: /{name}: {'missing' if data is None else 'a group'}; {must}")
+    if data.dtype.kind not in "fiu" or data.shape is None:
+        raise ValueError(f"{path}: /{name}: {'empty' if data.shape is None else f'of type {data.dtype}'}; {must}")
     if data.size > MAX_IMAGE_VALUES:
         raise ValueError(f"{path}: /{name}: {data.size} values; at most {MAX_IMAGE_VALUES} are read")
     return data

@@ -12,10 +12,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from irtscots_cl.imaging.bad_values import check_values
 from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.maths.statistics import jackknife_error
-
-MAX_VALUE = 1e100  # of images and positions from files: squares of their sums stay finite
 
 
 @dataclass(frozen=True)
@@ -93,15 +92,19 @@ class Scan:
         """
         check_shapes(axis, np.shape(positions_mm), np.shape(images_w))
         images = np.asarray(images_w, float)
-        images = images[None] if images.ndim == 3 else images
         positions = np.asarray(positions_mm, float)
-        if not np.isfinite(positions).all():
-            raise ValueError(f"line positions of the {axis} scan hold values that are not finite")
-        for values in (images, positions):
-            if max(np.nanmax(values, initial=0.0), -np.nanmin(values, initial=0.0)) > MAX_VALUE:
-                raise ValueError(f"images or line positions of the {axis} scan hold values beyond {MAX_VALUE:g}")
-        if not (np.diff(positions) > 0).all():
-            raise ValueError(f"the line positions of the {axis} scan must grow from line to line")
+        check_values(f"images/{axis}", images, nan_allowed=True)
+        check_values(f"lines/{axis}_mm", positions)
+        images = images[None] if images.ndim == 3 else images
+        falls = np.flatnonzero(np.diff(positions) <= 0)
+        if falls.size:
+            pair = f"{positions[falls[0]]:g} then {positions[falls[0] + 1]:g}"
+            all_fall = (np.diff(positions) < 0).all()
+            cause = "; all fall: reverse the order of the lines and of their images" if all_fall else ""
+            raise ValueError(
+                f"the line positions of the {axis} scan must grow from line to line: lines/{axis}_mm has {pair} at "
+                f"lines {falls[0]} and {falls[0] + 1}, counted from 0{cause}"
+            )
         count = images.shape[2] * images.shape[3]
         return cls(
             axis,

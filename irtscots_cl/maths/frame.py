@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.system import interruption
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,21 @@ class Frame:
 
     def arrive(self, points_mm: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Where rays from world points [..., 3] along directions [..., 3] cross the plane z = 0: (u, v) [...] in mm."""
-        from_device = (points_mm - self.position_mm) @ self.axes.T
-        along = directions @ self.axes.T
+        from_device = turned(points_mm - self.position_mm, self.axes.T)
+        along = turned(directions, self.axes.T)
         step = -from_device[..., 2] / along[..., 2]
         return from_device[..., 0] + step * along[..., 0], from_device[..., 1] + step * along[..., 1]
+
+
+def turned(vectors: FloatArray, axes: FloatArray) -> FloatArray:
+    """The product vectors [..., 3] @ axes [3, 3], in parts, so that a signal need not wait for a large one."""
+    if vectors.ndim < 3:
+        return vectors @ axes
+    result = np.empty(vectors.shape)
+    for part, out in zip(vectors, result, strict=True):
+        interruption.check()
+        np.matmul(part, axes, out=out)
+    return result
 
 
 def _unit(vector: FloatArray) -> FloatArray:

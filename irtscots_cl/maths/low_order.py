@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from irtscots_cl.system import interruption
+
 TERMS = ("none", "piston", "piston_tilt", "piston_tilt_power")
 
 
@@ -20,6 +22,7 @@ def remove_terms(x_mm: ArrayLike, y_mm: ArrayLike, z: ArrayLike, mask: ArrayLike
     """
     if terms not in TERMS:
         raise ValueError(f"unknown terms {terms!r}; allowed: {', '.join(TERMS)}")
+    interruption.check()
     z, used = _samples(z, mask)
     result = np.where(used, z, np.nan)
     count = (0, 1, 3, 4)[TERMS.index(terms)]

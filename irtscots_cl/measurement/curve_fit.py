@@ -20,6 +20,7 @@ from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.curve_windows import CurveWindows, line_pitch
 from irtscots_cl.optics.pixel.response import PixelResponse
+from irtscots_cl.system import interruption
 
 STEPS = 56  # of the table over a profile's extent, but at most 8 per line: interpolation moves a height by 0.1 nm
 PROFILE_ERROR = 1e-3  # of a curve's peak: what the modelled profile may be wrong by, in its flanks too
@@ -119,6 +120,7 @@ class Profiles:
     ) -> tuple[FloatArray, FloatArray]:
         """Shares [m, width] on lines from first [m] on, of pixels chosen [m] whose light's centroid is at place_mm [m],
         and their derivative by place [1/mm]; all pixels must be known."""
+        interruption.check()
         start = ((self.origin - place_mm) / self.pitch + first - 0.5) * self.steps + self.before
         whole = np.floor(start).astype(np.int64)
         fraction = start - whole

@@ -17,6 +17,7 @@ from scipy.stats import chi2
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.curve_fit import CurveFits, SampleNoise
 from irtscots_cl.measurement.curve_windows import CurveWindows
+from irtscots_cl.system import interruption
 
 PRIOR = 0.3  # standard deviation of a gain before the images say more: frames without light stay at 1
 FALSE_ALARM = 1e-4  # chance that gains of equal frames are corrected
@@ -65,6 +66,7 @@ def frame_gains(x: ScanFit, y: ScanFit) -> FrameGains:
     normal, right = np.zeros((count, count)), np.zeros(count)
     # a batch's outer products [pixels, samples, samples] stay small
     for first in range(0, len(gained), 2048):
+        interruption.check()
         part = slice(first, first + 2048)
         basis, _ = np.linalg.qr(columns[part])
         projected = gained[part, :, None] * basis

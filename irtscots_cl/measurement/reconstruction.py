@@ -14,6 +14,7 @@ from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_curves import Flag, flag_curves
 from irtscots_cl.measurement.light_profiles import profile_centroids
+from irtscots_cl.measurement.line_positions import check_line_positions
 from irtscots_cl.measurement.scan_estimates import ScanEstimate, estimate_centroids
 from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
 from irtscots_cl.optics.chief_rays import ChiefRays
@@ -115,7 +116,7 @@ def reconstruct(
         raise ValueError(f"light_curve = {light_curve!r}: must be one of {', '.join(LIGHT_CURVES)}")
     setup = Setup.of(nominal)
     chief = setup.chief_rays
-    _check_fits(stack, chief)
+    check_fits(stack, chief)
     if estimates is None and light_curve in SIGNED:
         estimates = estimate_centroids(stack, setup, light_curve)
     if estimates:
@@ -158,8 +159,8 @@ def reconstruct(
     )
 
 
-def _check_fits(stack: ImageStack, chief: ChiefRays) -> None:
-    """Raise ValueError if the images do not match the scene's detector and screen."""
+def check_fits(stack: ImageStack, chief: ChiefRays) -> None:
+    """Raise ValueError if the images do not match the scene's detector and the lines of its screen."""
     nominal = chief.scene
     if stack.x.shape != chief.shape or stack.y.shape != chief.shape:
         raise ValueError(
@@ -171,6 +172,7 @@ def _check_fits(stack: ImageStack, chief: ChiefRays) -> None:
             raise ValueError(
                 f"{len(scan.positions_mm)} images in the {scan.axis} scan, but the scene's screen has {lines} lines"
             )
+        check_line_positions(scan, nominal)
 
 
 def _check_enough(name: str, on_mirror: BoolArray, mask: BoolArray, flags: IntArray) -> None:
@@ -183,9 +185,7 @@ def _check_enough(name: str, on_mirror: BoolArray, mask: BoolArray, flags: IntAr
         )
 
 
-def _measured(
-    setup: Setup, scan: Scan, light_curve: str, threshold: float
-) -> tuple[FloatArray, IntArray]:
+def _measured(setup: Setup, scan: Scan, light_curve: str, threshold: float) -> tuple[FloatArray, IntArray]:
     """Centroids [1 + replicates, rows, columns] in mm, NaN where there is none, and flags [rows, columns]."""
     curves = scan.jackknife_w()
     on_grid = np.full((len(curves), scan.shape[0] * scan.shape[1]), np.nan)

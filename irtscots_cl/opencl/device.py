@@ -11,6 +11,7 @@ from functools import cached_property, lru_cache
 
 import pyopencl as cl
 
+from irtscots_cl.opencl.pocl_cache import PLATFORM, cache_problem
 from irtscots_cl.opencl.pocl_processor import name_processor
 
 ENVIRONMENT = "IRTSCOTS_DEVICE"
@@ -114,20 +115,42 @@ def first_line(error: cl.Error) -> str:
 @lru_cache
 def all_devices() -> tuple[Device, ...]:
     """Every OpenCL device of every platform, in the drivers' order; listed once per process."""
-    try:
-        platforms = cl.get_platforms()
-    except cl.Error:
-        return ()
     found = []
-    for p, platform in enumerate(platforms):
-        try:
-            devices = platform.get_devices()
-        except cl.Error:  # a platform without a device reports an error
-            continue
-        for d, device in enumerate(devices):
+    for p, platform in enumerate(_platforms()):
+        for d, device in enumerate(_devices_of(platform)):
             name_processor(device)
             found.append(Device(device, f"{p}:{d}"))
     return tuple(found)
+
+
+def no_device_message() -> str:
+    """Why there is no OpenCL device, and what to do, in one line."""
+    empty = [platform.name.strip() for platform in _platforms() if not _devices_of(platform)]
+    if not empty:
+        return f"no OpenCL device found; {HINT}"
+    if problem := _pocl_problem():
+        return f"no OpenCL device found: {problem}"
+    return f"no OpenCL device found: the OpenCL driver is there, but has no device: {', '.join(empty)}"
+
+
+def _platforms() -> list[cl.Platform]:
+    try:
+        return cl.get_platforms()
+    except cl.Error:
+        return []
+
+
+def _devices_of(platform: cl.Platform) -> list[cl.Device]:
+    try:
+        return platform.get_devices()
+    except cl.Error:  # a platform without a device reports an error
+        return []
+
+
+def _pocl_problem() -> str:
+    """Why PoCL is there but has no device, if its cache folder is the reason; else ""."""
+    hidden = any(platform.name.strip() == PLATFORM and not _devices_of(platform) for platform in _platforms())
+    return cache_problem() if hidden else ""
 
 
 def select_device(choice: str | None = None) -> Device:
@@ -138,7 +161,7 @@ def select_device(choice: str | None = None) -> Device:
     """
     devices = all_devices()
     if not devices:
-        raise DeviceError(f"no OpenCL device found; {HINT}")
+        raise DeviceError(no_device_message())
     source = "--device"
     if choice is None:
         choice, source = os.environ.get(ENVIRONMENT) or None, ENVIRONMENT
@@ -148,7 +171,8 @@ def select_device(choice: str | None = None) -> Device:
     matching = usable if choice is None else [d for d in usable if _matches(d, choice)]
     if not matching:
         allowed = "; ".join(f"{d.index} {d.name} ({d.platform})" for d in devices)
-        raise DeviceError(f"{source} = {choice!r}: no such usable device; found: {allowed}")
+        hidden = f"; {problem}" if (problem := _pocl_problem()) else ""
+        raise DeviceError(f"{source} = {choice!r}: no such usable device; found: {allowed}{hidden}")
     rank = {"gpu": 0, "other": 1, "cpu": 2}
     return min(matching, key=lambda d: (rank[d.kind], -d.cl_device.max_compute_units))
 

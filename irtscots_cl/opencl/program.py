@@ -19,6 +19,7 @@ import numpy as np
 import pyopencl as cl
 
 from irtscots_cl.opencl.device import Device, DeviceError, first_line
+from irtscots_cl.opencl.pocl_cache import PLATFORM, cache_problem
 from irtscots_cl.opencl.structs import PRECISIONS, c_declarations
 
 _INCLUDE = re.compile(r'^#include "([a-z0-9_]+(?:_\*)?\.cl)"\s*$')
@@ -134,6 +135,8 @@ def build(device: Device, source: Source) -> cl.Program:
         try:
             _built[key] = cl.Program(device.context, source.text).build(options=list(source.options))
         except cl.Error as error:
+            if device.platform == PLATFORM and (problem := cache_problem()):
+                raise DeviceError(f"{device.label}: kernels do not build: {problem}") from error
             log = str(error)
             line = next((line for line in log.splitlines() if "error" in line.lower()), first_line(error))
             told = f"{device.label}: kernels do not build: {line.strip()[:300]}"

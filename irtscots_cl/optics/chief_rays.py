@@ -11,10 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
-from irtscots_cl.maths.frame import Frame
+from irtscots_cl.maths.frame import Frame, turned
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
+from irtscots_cl.system import interruption
 from irtscots_cl.system.memory import check_memory
 
 BYTES_PER_PIXEL = 1900  # peak memory while the maps are made; measured
@@ -73,16 +74,22 @@ class ChiefRays:
     def reverse(self, row, column, a_mm=0.0, b_mm=0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Trace from image points backwards through aperture point (a, b).
 
-        Returns the mirror points [..., 3] (NaN where a ray misses the surface; the rim is ignored) and the
+        Returns the mirror points [..., 3] (NaN where a ray misses the surface, also where the surface is only behind
+        the camera; the rim is ignored) and the
         crossings (u, v) of the screen's plane in the screen's frame [mm].
         """
+        interruption.check()
         camera, frame = self.scene.camera, self.camera_frame
         image_x, image_y = self.image_point(row, column)
         slope_a = a_mm / camera.focus_mm - image_x / camera.image_distance_mm
         slope_b = b_mm / camera.focus_mm - image_y / camera.image_distance_mm
         slopes = np.stack(np.broadcast_arrays(slope_a, slope_b, 1.0), -1)
         start = frame.to_world(*np.broadcast_arrays(a_mm, b_mm))
-        points, outgoing = self.surface.meet(start, -slopes @ frame.axes)
+        directions = turned(-slopes, frame.axes)
+        points, outgoing = self.surface.meet(start, directions)
+        interruption.check()
+        behind = (points[..., 2] - start[..., 2]) * directions[..., 2] < 0  # where the line meets it backwards
+        points[behind] = np.nan
         return points, *self.screen_frame.arrive(points, outgoing)
 
     @cached_property

@@ -12,6 +12,7 @@ import numpy as np
 from irtscots_cl.maths.quadric import Quadric
 from irtscots_cl.maths.zernike.indices import index_to_nm
 from irtscots_cl.maths.zernike.series import RadialSeries, evaluate_series, radial_series
+from irtscots_cl.system import interruption
 
 _BESIDE = np.errstate(over="ignore", invalid="ignore")  # polynomials overflow far outside the mirror
 
@@ -82,6 +83,7 @@ class Surface:
         x0, y0 = points_mm[..., 0] - points_mm[..., 2] * p, points_mm[..., 1] - points_mm[..., 2] * q
         base = z = self.quadric.meet(x0, y0, p, q)
         x, y = x0 + p * z, y0 + q * z
+        interruption.check()  # maps of a large detector take seconds
         slope_x, slope_y = self.quadric.gradient(x, y, z)
         # polynomials grow fast outside their disk: from 2 % outside, beyond any mirror, use the design surface
         defined = np.hypot(x, y) <= 1.02 * self.deviation_radius_mm
@@ -89,8 +91,11 @@ class Surface:
             height = np.where(defined, self.deviation_at(x, y)[0], 0.0)
             z = base + height / (1.0 - p * slope_x - q * slope_y)
             x, y = x0 + p * z, y0 + q * z
+        interruption.check()
         slope_x, slope_y = self.gradient(x, y)
+        interruption.check()
         normal = np.stack([-slope_x, -slope_y, np.ones_like(z)], -1)
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        interruption.check()
         outgoing = directions - 2.0 * np.sum(directions * normal, -1, keepdims=True) * normal
         return np.stack([x, y, z], -1), outgoing

@@ -15,7 +15,7 @@ from irtscots_cl.measurement.error_bars import ErrorBars, error_bars
 from irtscots_cl.measurement.light_curves import Flag
 from irtscots_cl.measurement.methods import BEST, MEASURES, measure_by
 from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check, check_images, worst
-from irtscots_cl.measurement.reconstruction import SIGNED, Reconstruction
+from irtscots_cl.measurement.reconstruction import SIGNED, Reconstruction, check_fits
 from irtscots_cl.measurement.saturation import find_ceiling
 from irtscots_cl.measurement.scan_estimates import ScanEstimate, estimate_centroids
 from irtscots_cl.optics.setup import Setup
@@ -23,6 +23,7 @@ from irtscots_cl.pipeline.output import open_output_folder, version_attributes
 from irtscots_cl.report.result_file import write_result
 from irtscots_cl.report.types import AlongAxes, CheckFacts, HeightErrors, MeasuredFacts, Refused
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system import interruption
 
 DIFFERENCE = 3.0  # standard errors of the height: a measure that differs by more from the best one is named
 
@@ -45,33 +46,47 @@ def measure(
 
     how: a name of methods.MEASURES. strict: refuse doubtful images, too. source: the images' file, for messages. Writes
     result.h5 and figures into the folder and returns the main facts, named as in report.json. Raises
-    RefusedImagesError if a check says that the images are wrong.
+    RefusedImagesError if a check says that the images are wrong, ValueError if they do not fit the scene or cannot be
+    measured.
     """
     from irtscots_cl.report.figures import write_figures
 
-    setup = Setup(nominal)
+    try:
+        result, stack, bars, checks = _measured(stack, Setup(nominal), threshold, how, strict)
+    except ValueError as error:
+        kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
+        raise kind(f"{source}: {error}") from None
+    attributes = {"scene": nominal.to_toml(), "measure": how} | version_attributes()
+    with open_output_folder(folder):
+        write_result(folder / "result.h5", stack, result, attributes, bars)
+        write_figures(folder / "figures", stack, result, None)
+    return _facts(result, how, bars, checks)
+
+
+def _measured(
+    stack: ImageStack, setup: Setup, threshold: float, how: str, strict: bool
+) -> tuple[Reconstruction, ImageStack, ErrorBars | None, list[Check]]:
+    """The surface, the images with their ceiling, error bars and checks."""
+    check_fits(stack, setup.chief_rays)
     stack = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
     estimates = estimate_centroids(stack, setup, BEST)
+    interruption.check()
     checks = check_images(stack, setup, estimates)
-    _refuse(checks, strict, source)
+    _refuse(checks, strict)
     result = measure_by(how, stack, setup, threshold, estimates)
     bars = error_bars(result)
     if MEASURES[how].light_curve not in SIGNED:
         best = measure_by(BEST, stack, setup, estimates=estimates)
         checks.append(_against_best(result, best, how, threshold))
-        _refuse(checks, strict, source)
-    open_output_folder(folder)
-    attributes = {"scene": nominal.to_toml(), "measure": how} | version_attributes()
-    write_result(folder / "result.h5", stack, result, attributes, bars)
-    write_figures(folder / "figures", stack, result, None)
-    return _facts(result, how, bars, checks)
+        _refuse(checks, strict)
+    return result, stack, bars, checks
 
 
-def _refuse(checks: list[Check], strict: bool, source: str) -> None:
+def _refuse(checks: list[Check], strict: bool) -> None:
     level = worst(checks)
     if level == ERROR or (strict and level == WARNING):
         bad = "; ".join(f"{check.name}: {check.text}" for check in checks if check.level == level)
-        raise RefusedImagesError(f"{source}: {bad}{' (--strict)' if level == WARNING else ''}")
+        raise RefusedImagesError(f"{bad}{' (--strict)' if level == WARNING else ''}")
 
 
 def _against_best(result: Reconstruction, best: Reconstruction, how: str, threshold: float) -> Check:

@@ -1,4 +1,4 @@
-"""Simulate what a scene's real camera and screen do to its images. Imported by runs with noise alone."""
+"""Simulate the effects of a real camera and screen on images. Only runs with noise import it."""
 
 from __future__ import annotations
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from irtscots_cl.pipeline.simulate import Run
 from irtscots_cl.report.html import write_html
 from irtscots_cl.report.result_file import write_result
+from irtscots_cl.system import interruption
 from irtscots_cl.system.atomic_files import check_output_folder, write_json
 from irtscots_cl.system.versions import versions
 
@@ -19,7 +22,6 @@ def write_run(run: Run, folder: Path) -> None:
     """
     from irtscots_cl.report.figures import write_figures  # matplotlib is slow to import: only where figures are made
 
-    open_output_folder(folder)
     report, toml = run.report, run.transport.scene.to_toml()
     attributes = {
         "scene": toml,
@@ -32,17 +34,31 @@ def write_run(run: Run, folder: Path) -> None:
         "measure": report["measure"],
         "ledger": json.dumps(report["ledger"]),
     }
-    write_result(folder / "result.h5", run.stack, run.result, attributes | version_attributes())
-    figures = write_figures(folder / "figures", run.stack, run.result, run.comparison, run.parts)
-    write_html(folder / "report.html", report, figures, toml)
-    write_json(folder / "report.json", report)
+    with open_output_folder(folder):
+        write_result(folder / "result.h5", run.stack, run.result, attributes | version_attributes())
+        figures = write_figures(folder / "figures", run.stack, run.result, run.comparison, run.parts)
+        write_html(folder / "report.html", report, figures, toml)
+        write_json(folder / "report.json", report)
 
 
-def open_output_folder(folder: Path) -> None:
+@contextmanager
+def open_output_folder(folder: Path) -> Iterator[None]:
     """Make the folder, without the report.json of an earlier run: that would vouch for files about to be replaced."""
+    interruption.check()
     check_output_folder(folder)
-    (folder / "figures").mkdir(parents=True, exist_ok=True)
-    (folder / "report.json").unlink(missing_ok=True)
+    with told_as_incomplete(folder):
+        (folder / "figures").mkdir(parents=True, exist_ok=True)
+        (folder / "report.json").unlink(missing_ok=True)
+        yield
+
+
+@contextmanager
+def told_as_incomplete(folder: Path) -> Iterator[None]:
+    """Files are written into the folder: an interruption's message says that some are missing."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{folder}: not all files were written") from None
 
 
 def version_attributes() -> dict[str, str]:

@@ -21,6 +21,7 @@ from irtscots_cl.optics.setup import Setup
 from irtscots_cl.report.facts import build_report
 from irtscots_cl.report.types import CheckFacts, Report
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system import interruption
 from irtscots_cl.tracing.results.paths import PathLight
 from irtscots_cl.tracing.results.transport import LineLight, Transport
 from irtscots_cl.tracing.trace import trace
@@ -73,9 +74,11 @@ def simulate(
     scene = setup.scene
     transport = trace(setup, device=device, client=client, progress=progress, **trace_options)
     traced = time.perf_counter()
+    interruption.check()
     stack, more_facts = take_images(transport)
     result = measure_by(measure, stack, setup.nominal)
     measured = time.perf_counter()
+    interruption.check()
     comparison, predicted = compare(result, scene), predict_error(result, stack)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
     separated = error_terms(result, setup, measure, transport.options, device) if parts else ()
@@ -101,9 +104,9 @@ def _clean_images(transport: Transport | LineLight) -> tuple[ImageStack, dict]:
 
 
 def outlook(traced: Transport | LineLight | PathLight, measure: str, nominal: Setup | None = None) -> str:
-    """What a trace of some replicates says of the error, in words; "" where it says nothing yet.
+    """The error so far, in words, from a trace of some replicates; "" if they do not give it yet.
 
-    nominal: the set-up of the design, where it is there already.
+    nominal: the set-up of the design, if the caller has it.
     """
     flux_w = traced.line_flux_w("x").sum((1, 2))
     if len(flux_w) < 2 or not flux_w.all():

@@ -1,7 +1,7 @@
 """The cheapest way to a wanted height error: settings predicted from small pilot runs, then run and checked.
 
-A setting's error has a part that no number of rays removes: what its measure makes of noise-free images, and rounding.
-Ray noise comes on top and falls as a power of the rays. Both are found by pilots, and so is the time of a ray.
+A setting's error has a part that no number of rays removes: its measure's error on noise-free images, and rounding.
+Ray noise is added to it and falls as a power of the rays. Pilot runs give both, and the time of a ray.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from irtscots_cl.tracing.options import ANALYTIC, ESTIMATORS, TraceOptions
 from irtscots_cl.tracing.trace import trace
 
 REPLICATES = 8
-PILOT_RAYS = {"adjoint": (128, 512), "forward": (2**14, 2**16)}  # per pixel: two runs tell how fast noise falls
-EXPONENTS = (-1.0, -0.5)  # of the noise in the rays: the best that can be hoped for, and independent rays
-MARGIN = 0.85  # of the target is aimed at: pilots know their noise to some percent
-CHEAP_SECONDS = 5.0  # refinement takes about as long by itself: it is looked at where nothing is cheaper
-RERUNS = 2  # with four times the rays each, should a run miss the target all the same
+PILOT_RAYS = {"adjoint": (128, 512), "forward": (2**14, 2**16)}  # per pixel: two runs show how fast noise falls
+EXPONENTS = (-1.0, -0.5)  # of the noise in the rays: the best possible, and that of independent rays
+MARGIN = 0.85  # of the target is planned for: pilots give the noise to some percent
+CHEAP_SECONDS = 5.0  # refinement alone takes about as long: it is considered only if nothing is cheaper
+RERUNS = 2  # with four times the rays each, if a run misses the target
 MAX_RAYS = 2**40
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A way to trace and to measure, and what the pilots predict of it. height_nm: piston and tilt removed."""
+    """A way to trace and to measure, and its prediction by the pilots. height_nm: piston and tilt removed."""
 
     estimator: str
     sampler: str
@@ -103,14 +103,14 @@ def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed: Any) -
         least = min(found, key=lambda s: s.floor_nm)
         raise ValueError(
             f"--target-nm = {target_nm}: scene {scene.name}: no setting gets there; must be above "
-            f"{least.floor_nm / MARGIN:.2g}, what is left without ray noise by --measure {least.measure} "
+            f"{least.floor_nm / MARGIN:.2g}, the error without ray noise by --measure {least.measure} "
             f"--precision {least.precision}"
         )
     return usable
 
 
 def _ways(device: Device, fixed: dict[str, Any]) -> list[TraceOptions]:
-    """The ways to trace that are looked at: smoothed Sobol rays unless something else was fixed."""
+    """The ways to trace that are considered: smoothed Sobol rays unless something else was fixed."""
     estimator = fixed.get("estimator", "adjoint")
     precisions = [fixed["precision"]] if "precision" in fixed else ["fp32", "fp64"][: 1 + device.has_fp64]
     sampler, smoothing = fixed.get("sampler", "sobol"), fixed.get("smoothing", estimator == "adjoint")
@@ -153,7 +153,7 @@ def _pilot(setup: Setup, device: Device, way: TraceOptions, measures: list[str])
 
 
 def _setting(way: TraceOptions, measure: str, noise: _Noise, floor_nm: float, seconds: float, target: float) -> Setting:
-    """The rays that a way and a measure need; more than MAX_RAYS where no number of rays would do."""
+    """The rays that a way and a measure need; more than MAX_RAYS if no number of rays is enough."""
     floor_nm = float(np.hypot(floor_nm, noise.rounding_nm))
     room = (MARGIN * target) ** 2 - floor_nm**2
     rays = MAX_RAYS + 1
@@ -175,10 +175,10 @@ def run_to_target(
     progress: Callable[[int, int], None] | None = None,
     **fixed: Any,
 ) -> Run:
-    """Run the cheapest setting that is predicted to meet the target, with more rays should it miss.
+    """Run the cheapest setting that is predicted to meet the target, with more rays if it misses.
 
-    fixed: see `plan`. The run's report says under "target" what was wanted, predicted and reached. Raises ValueError as
-    `plan` does, and for a scene with noise.
+    fixed: see `plan`. The run's report has under "target" the wanted, the predicted and the reached error. Raises
+    ValueError as `plan` does, and for a scene with noise.
     """
     setup = Setup.of(scene)
     check_without_noise(setup.scene)

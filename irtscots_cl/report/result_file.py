@@ -11,6 +11,7 @@ from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.system import interruption
 from irtscots_cl.system.atomic_files import replacing
 
 
@@ -67,6 +68,7 @@ def _error_maps(result: Reconstruction, bars: ErrorBars | None) -> list[tuple[st
 
 
 def _write(file: h5py.File, name: str, values: np.ndarray, unit: str) -> None:
+    interruption.check()
     file.create_dataset(name, data=values, compression="gzip", compression_opts=1, shuffle=True)
     file[name].attrs["unit"] = unit
 
@@ -79,4 +81,5 @@ def _write_images(file: h5py.File, name: str, scan: Scan, values: np.ndarray) ->
     )
     images.attrs["unit"] = scan.unit
     for line in range(shape[0]):
+        interruption.check()
         images[line] = scan.image(line, values)

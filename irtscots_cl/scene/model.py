@@ -24,6 +24,7 @@ from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.toml import toml_table
 from irtscots_cl.scene.validation import SceneName, checked, nearest, problem, refuse, shown_word, translate
 
+VIEW_RINGS, VIEW_ANGLES = 4, 32  # of the mirror, where it is looked for in a device's view
 MAX_ELEMENTS = 16  # besides the scene's own: all events of an element fit six bits of a path
 ZERNIKE_KEYS = {"noll_um": "noll", "fringe_um": "fringe", "osa_um": "osa"}
 
@@ -56,11 +57,8 @@ class Scene:
             if not z > sag_mm:
                 must = f"lie in front of the mirror: z above {sag_mm:.10g}"
                 refuse((key, "position_mm"), device.position_mm, must)
-            away = math.hypot(x, y, z)
-            look = [b - a for a, b in zip(device.position_mm, device.look_at_mm, strict=True)]
-            cosine = -sum(u / away * v / math.hypot(*look) for u, v in zip((x, y, z), look, strict=True))
-            if not cosine > math.cos(MAX_VIEW_RAD):
-                must = "look from position_mm within 89 degrees of the mirror's vertex"
+            if not _sees_mirror(device, self.mirror):
+                must = "look from position_mm within 89 degrees of some point of the mirror"
                 refuse((key, "look_at_mm"), device.look_at_mm, must)
         return self
 
@@ -101,6 +99,22 @@ class Scene:
     def to_toml(self) -> str:
         """TOML text that loads back to an equal scene."""
         return toml_table((), self).lstrip("\n")
+
+
+def _sees_mirror(device: Screen | Camera, mirror: Mirror) -> bool:
+    """Whether some point of the mirror, of a grid of them, is within MAX_VIEW_RAD of the device's direction."""
+    look = [b - a for a, b in zip(device.position_mm, device.look_at_mm, strict=True)]
+    length = math.hypot(*look)
+    for k in range(1 + VIEW_RINGS * VIEW_ANGLES):  # the vertex first: it is enough for nearly all devices
+        ring, angle = (k + VIEW_ANGLES - 1) // VIEW_ANGLES, k * (2 * math.pi / VIEW_ANGLES)
+        r = mirror.diameter_mm / 2 * ring / VIEW_RINGS
+        root = math.sqrt(max(mirror.radius_mm**2 - (1.0 + mirror.conic) * r * r, 0.0))
+        point = (r * math.cos(angle), r * math.sin(angle), r * r / (mirror.radius_mm + root))
+        away = [b - a for a, b in zip(device.position_mm, point, strict=True)]
+        # divided before they are multiplied: lengths reach 1e12, and small ones must not vanish
+        if sum(u / math.hypot(*away) * v / length for u, v in zip(away, look, strict=True)) > math.cos(MAX_VIEW_RAD):
+            return True
+    return False
 
 
 def _has_noise_tables(data: dict[str, Any]) -> bool:

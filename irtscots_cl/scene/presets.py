@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
 
 MAX_FILE_BYTES = 2**20
+UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
 def _folder() -> Traversable:
@@ -101,8 +102,10 @@ def _parse(data: bytes, source: str) -> dict[str, Any]:
     import tomllib  # imported late: listing the presets does not need it
 
     try:
-        return tomllib.loads(data.decode("utf-8"))
+        return tomllib.loads(data.decode("utf-8-sig"))  # without the byte-order mark that some editors write
     except UnicodeDecodeError as error:
+        if data.startswith(UTF16_MARKS):
+            raise problem(source, (), "is UTF-16 text; a scene is a TOML file, which must be UTF-8") from None
         raise problem(source, (), f"is not UTF-8 text (byte {error.start}); a scene is a TOML file") from None
     except RecursionError:
         raise problem(source, (), "is not valid TOML: nested too deep") from None

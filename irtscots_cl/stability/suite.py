@@ -9,6 +9,7 @@ from irtscots_cl.opencl.device import Device
 from irtscots_cl.report.tables import Table
 from irtscots_cl.stability import conics, counting, curves, edges, invariance, masks, paths, signature, zernike
 from irtscots_cl.stability.checks import Bench, Case, Finding
+from irtscots_cl.system import interruption
 from irtscots_cl.system.versions import versions
 
 _PARTS = (conics, edges, paths, zernike, signature, invariance, counting, masks, curves)
@@ -34,6 +35,7 @@ def run_stability(
     jobs = [(case, bench) for case in CASES if long or not case.long for bench in benches(devices, case)]
     rows: list[dict[str, object]] = []
     for done, (case, bench) in enumerate(jobs, 1):
+        interruption.check()
         rows += [_row(case, bench, part) for part in case.run(bench)]
         if progress is not None:
             progress(done, len(jobs))

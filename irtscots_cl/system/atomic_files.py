@@ -5,22 +5,26 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from irtscots_cl.system import interruption
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` to write to; on success it becomes `path`, on an error it goes."""
+    """A temporary path next to `path` to write to; on success it becomes `path`, on an error it is removed."""
+    interruption.check()
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
     os.close(handle)
     temporary = Path(name)
     try:
-        yield temporary
+        with interruption.before_the_end(temporary.unlink):
+            yield temporary
         with open(temporary, "rb+") as written:
             os.fsync(written.fileno())
         temporary.chmod(0o666 & ~_umask())
@@ -57,10 +61,40 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def check_output_folder(folder: Path) -> None:
-    """Raises ValueError if the folder could not be made or written, without making it."""
+def check_output_folder(folder: Path, files: Iterable[str] = (), folders: Iterable[str] = ()) -> None:
+    """Raises ValueError if the folder could not be made or written, without making it.
+
+    files, folders: names in it that will be written; the same if something else is in the place of one.
+    """
+    if "\0" in str(folder):
+        raise ValueError(f"--out = {str(folder)!r}: no folder can have this name")
     nearest = next(part for part in (folder, *folder.absolute().parents) if part.exists())
     if not nearest.is_dir():
         raise ValueError(f"--out = {str(folder)!r}: {nearest} is not a folder")
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise ValueError(f"--out = {str(folder)!r}: no permission to write in {nearest}")
+    for name in files:
+        if (folder / name).is_dir():
+            raise ValueError(f"--out = {str(folder)!r}: {name} is a folder there; must be a file, or not be there")
+    for name in folders:
+        if (folder / name).exists() and not (folder / name).is_dir():
+            raise ValueError(f"--out = {str(folder)!r}: {name} is no folder there; must be one, or not be there")
+        for path in (folder / name).glob("*.png"):
+            if path.is_dir():
+                raise ValueError(f"--out = {str(folder)!r}: {name}/{path.name} is a folder there; must be a file")
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """Make a folder before long work whose files it is to hold; at the end, what was made here and is empty goes.
+
+    Raises OSError if it cannot be made.
+    """
+    made = [part for part in (folder, *folder.parents) if not part.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    finally:
+        for part in made:
+            with suppress(OSError):  # not empty
+                part.rmdir()

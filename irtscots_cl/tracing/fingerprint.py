@@ -1,4 +1,4 @@
-"""What the sums of a trace depend on, so that a checkpoint is never gone on with by another."""
+"""The facts that the sums of a trace depend on: no other trace may continue its checkpoint."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from irtscots_cl.tracing.options import TraceOptions
 def trace_fingerprint(
     scene: Scene, options: TraceOptions, rays: np.ndarray, device_identity: dict[str, str]
 ) -> Fingerprint:
-    """What a trace of rays [replicates] per source depends on, as far as it is known before its kernel is built.
+    """The facts that a trace of rays [replicates] per source depends on and that are known before its kernel is built.
 
-    about: {"device", "driver"}: their names.
+    device_identity: {"device", "driver"}: their names.
     """
     facts = {"scene": hash_of(scene.to_toml().encode())} | asdict(options)
     numbers = {"rays_per_pixel": int(rays.sum()), "replicates": len(rays)}

@@ -71,6 +71,8 @@ class TraceOptions:
             raise ValueError(f"--overfill = {self.overfill}: must be 1 to 10000")
         if self.aim != "mirror" and self.estimator != "forward":
             raise ValueError(f"--aim {self.aim}: must go with --estimator forward, not {self.estimator}")
+        if self.overfill != 1.0 and self.estimator in ("adjoint", ANALYTIC):
+            raise ValueError(f"--overfill = {self.overfill}: must go with --estimator forward, not {self.estimator}")
         if self.smoothing and self.estimator != "adjoint":
             raise ValueError(f"--smoothing: must go with --estimator adjoint, not {self.estimator}")
         if self.bounce_limit is not None and not 1 <= self.bounce_limit <= MAX_EVENTS:

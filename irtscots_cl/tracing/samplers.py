@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 SAMPLERS = ("philox", "sobol", "lattice")
-INDEPENDENT = ("philox",)  # whose rays are independent of each other, so that counting them says how noisy they are
+INDEPENDENT = ("philox",)  # their rays are independent of each other, so that the noise follows from their number
 DIMENSIONS = 4
 _MULTIPLIERS = (np.uint64(0xD2511F53), np.uint64(0xCD9E8D57))
 _WEYL = (0x9E3779B9, 0xBB67AE85)

@@ -84,7 +84,7 @@ def test_a_signal_saves_and_resume_goes_on_to_the_same_result(irtscots, after_la
     for launches in (2, 3, 4):
         after_launches(launches, lambda: os.kill(os.getpid(), number))
         outcome = irtscots(*arguments, "--out", "cut", "--resume")
-        refused(outcome, "interrupted after", "% of the rays; go on with --resume, from cut/checkpoint", code=4)
+        refused(outcome, "interrupted after", "% of the rays; continue with --resume, from cut/checkpoint", code=4)
         assert os.listdir("cut") == ["checkpoint"]
     after_launches(0, None)
     assert irtscots(*arguments, "--out", "cut", "--resume")[0] == 0
@@ -113,8 +113,8 @@ def test_an_interrupt_after_the_last_ray_keeps_what_was_saved(irtscots, monkeypa
     monkeypatch.setattr(checkpoint, "MIN_SECONDS", 0.0)
     monkeypatch.setattr(checkpoint, "COST_SHARE", 0.0)
     with monkeypatch.context() as patch:
-        patch.setattr("irtscots_cl.pipeline.output.write_run", lambda *_: os.kill(os.getpid(), signal.SIGINT))
-        refused(irtscots("run", "./mine.toml", *RUN, "--out", "cut"), "interrupted; go on with --resume", code=4)
+        patch.setattr("irtscots_cl.pipeline.output.write_result", lambda *_: os.kill(os.getpid(), signal.SIGINT))
+        refused(irtscots("run", "./mine.toml", *RUN, "--out", "cut"), "interrupted; continue with --resume", code=4)
     launched = []
     launch = "irtscots_cl.execution.device_tracer.DeviceTracer.launch"
     monkeypatch.setattr(launch, lambda *given: launched.append(given))
@@ -210,7 +210,7 @@ def test_a_lock_dies_with_its_process(irtscots, tmp_path):
 
 def test_max_seconds(irtscots, small_launches):
     outcome = irtscots("run", "./mine.toml", *RUN, "--out", "cut", "--max-seconds", "1e-6")
-    refused(outcome, "--max-seconds 1e-06: stopped after", "go on with --resume", code=4)
+    refused(outcome, "--max-seconds 1e-06: stopped after", "continue with --resume", code=4)
     assert irtscots("run", "./mine.toml", *RUN, "--out", "cut", "--max-seconds", "1e3", "--resume")[0] == 0
     for value in ("0", "-1", "nan", "inf"):
         refused(irtscots("run", "./mine.toml", "--max-seconds", value), "--max-seconds = ", "above 0 and finite")
@@ -250,7 +250,7 @@ def test_a_study_is_gone_on_with(irtscots, monkeypatch):
     assert "checkpoints" not in os.listdir("whole")
     traced.clear()
     stop.armed = True
-    refused(irtscots(*arguments, "--out", "cut"), "go on with --resume, from cut/checkpoints", code=4)
+    refused(irtscots(*arguments, "--out", "cut"), "continue with --resume, from cut/checkpoints", code=4)
     assert len(os.listdir("cut/checkpoints")) == 2
     refused(irtscots(*arguments, "--out", "cut"), "cut/checkpoints: left by an interrupted run")
     first = max(traced)[1]

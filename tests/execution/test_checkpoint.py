@@ -9,6 +9,7 @@ import os
 import random
 import re
 import resource
+import signal
 import subprocess
 import sys
 import tracemalloc
@@ -20,12 +21,21 @@ from counting_job import PER_ITEM, RAYS, SOURCES, CountingJob, same
 
 from irtscots_cl.execution import checkpoint
 from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
-from irtscots_cl.execution.checkpoint_file import DIGEST_BYTES, FORMAT, MAX_HEADER_BYTES, digest_hash, hash_of, new_path
+from irtscots_cl.execution.checkpoint_file import (
+    DIGEST_BYTES,
+    FORMAT,
+    MAX_HEADER_BYTES,
+    digest_hash,
+    hash_of,
+    new_path,
+    write_checkpoint,
+)
 from irtscots_cl.execution.executor import RunControl
 from irtscots_cl.execution.launch_plan import Cursor
 from irtscots_cl.execution.local import LocalExecutor
 from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.system import interruption
 from irtscots_cl.tracing.fingerprint import trace_fingerprint
 from irtscots_cl.tracing.options import TraceOptions
 
@@ -79,6 +89,47 @@ def joined(text: bytes, arrays: bytes) -> bytes:
     """A file with these and all its digests right."""
     data = FORMAT + hash_of(text).encode() + b" " + text + b"\n" + arrays
     return data + digest_hash(data).digest()
+
+
+# --- signals -----------------------------------------------------------------------------------------------
+
+
+def test_what_takes_longer_to_save_than_to_trace_again_is_not_saved(tmp_path, monkeypatch):
+    """The sums of a large detector have gigabytes: a signal must not wait a minute for them."""
+    path = tmp_path / "kept"
+    before = interrupted(path, 2)
+    monkeypatch.setattr(checkpoint, "BYTES_PER_SECOND", 1e-2)  # 100 s a byte
+    with pytest.raises(Interrupted, match=r"^interrupted after 45% of the rays, of which the last 0 s are not saved: "):
+        run(Checkpoints(path, resume=True), stop_after=4)
+    assert path.read_bytes() == before  # so that --resume goes on from there
+    path.unlink()
+    with pytest.raises(Interrupted, match="after all of the rays, of which the last 0 s are not saved"):
+        run(Checkpoints(path), stop_after=11)
+    assert not path.exists()
+
+
+def test_a_long_save_is_announced(tmp_path, monkeypatch):
+    said = []
+    monkeypatch.setattr(checkpoint, "LONG_SAVE_SECONDS", 0.0)
+    monkeypatch.setattr(checkpoint, "BYTES_PER_SECOND", 1e12)
+    with pytest.raises(Interrupted, match="^interrupted after 45% of the rays$"):
+        run(Checkpoints(tmp_path / "kept", warn=said.append), stop_after=5)
+    assert said == [f"{tmp_path / 'kept'}: saving takes about 0 s; a second signal ends it, without"]
+    assert (tmp_path / "kept").exists()
+
+
+def test_a_signal_while_the_sums_are_saved_ends_the_trace_without_another_save(tmp_path, eager, monkeypatch):
+    written = []
+
+    def write(path, *given):
+        written.append(path)
+        signal.raise_signal(signal.SIGTERM)
+        write_checkpoint(path, *given)
+
+    monkeypatch.setattr(checkpoint, "write_checkpoint", write)
+    with interruption.handled(), pytest.raises(Interrupted, match="^interrupted after 11% of the rays$"):
+        run(Checkpoints(tmp_path / "kept"))
+    assert len(written) == 1
 
 
 # --- content -----------------------------------------------------------------------------------------------
@@ -339,7 +390,7 @@ def test_a_full_disk_leaves_the_old_file_and_the_trace_goes_on(tmp_path, eager, 
 
     monkeypatch.setattr(os, "fsync", full)
     assert same(run(Checkpoints(path, warn=warned.append)), EXPECTED)
-    assert warned == [f"{path}: cannot be saved: No space left on device; tracing goes on"]
+    assert warned == [f"{path}: cannot be saved: No space left on device; tracing continues"]
     assert [file.name for file in tmp_path.iterdir()] == ["kept"]
     monkeypatch.undo()
     job = CountingJob()
@@ -399,7 +450,7 @@ def test_each_trace_of_a_study_has_its_file(tmp_path, eager):
     for job, seed in zip(jobs, (1, 2, 4), strict=True):
         assert same(run(again, job, FACTS | {"seed": seed}), run_rays(CountingJob(seed), RAYS))
     assert [len(job.launches) for job in jobs[:2]] == [0, 0] and jobs[2].launches
-    with pytest.raises(ValueError, match=r"checkpoints: left by an interrupted run; must be gone on with by --resume"):
+    with pytest.raises(ValueError, match=r"checkpoints: left by an interrupted run; must be continued by --resume"):
         Checkpoints(folder, many=True).check_start()
     again.check_start()
     again.remove()

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,6 +41,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
 SMALL = {"rays_per_pixel": 600, "replicates": 2, "seed": 5}
+ROOT = Path(__file__).parents[2]
 MANY = 3000  # rays of a task, where there are to be many
 
 
@@ -343,6 +345,29 @@ def test_run_and_paths_on_a_cluster_from_the_shell(device, shell_cluster, tmp_pa
     assert ran["rays"] == far["rays_total"] and ran["device"]["name"] == device.name
     assert main(["paths", scene, "--rays-per-pixel", "2048", "--json", "--dask", address]) == 0
     assert json.loads(capsys.readouterr().out)["device"]["workers"]
+
+
+@pytest.mark.parametrize("with_worker", [False, True], ids=["waiting for a worker", "tracing"])
+def test_a_signal_ends_a_run_on_a_cluster(device, shell_cluster, tmp_path, with_worker):
+    address, worker = shell_cluster
+    (tmp_path / "scene.toml").write_text(coarse().to_toml())
+    if with_worker:
+        worker()
+        with distributed.Client(address, set_as_default=False) as client:
+            client.wait_for_workers(1)
+    run = program("irtscots_cl", "run", str(tmp_path / "scene.toml"), "--dask", address, "--out", str(tmp_path / "out"),
+                  "--rays-per-pixel", str(2**34), "--replicates", "2", "--quiet", PYTHONPATH=str(ROOT))  # fmt: skip
+    time.sleep(8 if with_worker else 4)
+    run.send_signal(signal.SIGTERM)
+    started = time.monotonic()
+    out, err = run.communicate(timeout=60)
+    assert time.monotonic() - started < 15  # on a loaded machine; a second or two without load
+    if with_worker:  # nothing is saved before a whole replicate, but the place is
+        assert (run.returncode, out) == (4, "")
+        assert err.startswith("irtscots: interrupted after 0% of the rays; continue with --resume, from ")
+    else:
+        assert (run.returncode, out, err) == (130, "", "irtscots: interrupted; nothing was written\n")
+    assert err.count("\n") == 1
 
 
 @pytest.mark.parametrize(

@@ -128,21 +128,31 @@ def test_a_scan_from_images_gives_them_back(exposures):
         (np.zeros((5, 3, 4)), np.arange(4), "the y scan has 5 images but line positions of shape (4,)"),
         (np.zeros((5, 3, 4)), np.zeros((5, 1)), "the y scan has 5 images but line positions of shape (5, 1)"),
         (
-            np.full((5, 3, 4), np.nan),
+            np.where(np.arange(60).reshape(5, 3, 4) == 42, -np.inf, np.nan),
             np.arange(5),
-            "images or line positions of the y scan hold values that are not ",
+            "images/y[3, 1, 2] = -inf: must be a finite number within 1e+100",
         ),
         (
             np.zeros((5, 3, 4)),
-            np.full(5, np.inf),
-            "images or line positions of the y scan hold values that are not ",
+            [0, 1, np.inf, 3, 4],
+            "lines/y_mm[2] = inf: must be a finite number within 1e+100",
         ),
-        (np.zeros((5, 3, 4)), -np.arange(5), "the line positions of the y scan must grow from line to line"),
-        (np.zeros((5, 3, 4)), np.zeros(5), "the line positions of the y scan must grow from line to line"),
+        (
+            np.zeros((5, 3, 4)),
+            -np.arange(5),
+            "the line positions of the y scan must grow from line to line: lines/y_mm has 0 then -1 at lines 0 and 1, "
+            "counted from 0; all fall: reverse the order of the lines and of their images",
+        ),
+        (
+            np.zeros((5, 3, 4)),
+            [0, 1, 1, 2, 3],
+            "the line positions of the y scan must grow from line to line: lines/y_mm has 1 then 1 at lines 1 and 2, "
+            "counted from 0",
+        ),
     ],
 )
 def test_images_that_make_no_scan_are_refused(images, positions, message):
-    with pytest.raises(ValueError, match="y scan") as caught:
+    with pytest.raises(ValueError, match="y") as caught:
         Scan.from_images("y", positions, images)
     assert str(caught.value).startswith(message)
     assert str(caught.value).isprintable()

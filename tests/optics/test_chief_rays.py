@@ -23,9 +23,7 @@ def with_mirror(scene, **changes):
 def tilted(scene, **noll_um):
     terms = {int(index.removeprefix("z")): value for index, value in noll_um.items()}
     radius = scene.mirror.diameter_mm / 2
-    return with_mirror(
-        scene, zernike=(ZernikeTerms(radius_mm=radius, ordering="noll", coefficients_um=terms),)
-    )
+    return with_mirror(scene, zernike=(ZernikeTerms(radius_mm=radius, ordering="noll", coefficients_um=terms),))
 
 
 # --- axes and signs ----------------------------------------------------------------------------------------
@@ -48,12 +46,26 @@ def test_the_centre_pixel_looks_at_what_the_camera_looks_at():
     chief = ChiefRays(scene)
     points, u, v = chief.reverse(62, 62)
     np.testing.assert_allclose(points, [0, 0, 0], rtol=0, atol=1e-12)  # mm: rounding at 4 m
-    np.testing.assert_allclose(
-        [u, v], [0, 0], rtol=0, atol=1e-9
-    )  # mm: presets' positions are equal but for sign
+    np.testing.assert_allclose([u, v], [0, 0], rtol=0, atol=1e-9)  # mm: presets' positions are equal but for sign
     _, columns = chief.shape
     assert chief.image_point(0, columns - 1)[0] == pytest.approx(62 * 0.037, rel=1e-14)  # rounding
     assert chief.image_point(-0.5, 0)[1] == pytest.approx(-62.5 * 0.037, rel=1e-14)  # rounding
+
+
+def test_the_mirror_behind_the_camera_is_not_seen():
+    """The camera looks along the mirror; the lines of pixels that look up meet the mirror backwards."""
+    scene = load_scene("sphere")
+    camera = replace(
+        scene.camera, position_mm=(0.0, 0.0, 100.0), look_at_mm=(500.0, 0.0, 70.0), focal_length_mm=20.0,
+        detector=replace(scene.camera.detector, pixels=(41, 1), pitch_mm=0.5),
+    )  # fmt: skip
+    chief = ChiefRays(replace(scene, camera=camera))
+    row, column = np.zeros(41), np.arange(41)
+    points, u, v = chief.reverse(row, column)
+    met = np.isfinite(points).all(-1)
+    assert 10 < met.sum() < 31 and (points[met, 0] > 0).all()  # ahead; with the others about half would be behind
+    assert not np.isfinite(u[~met] + v[~met]).any()
+    assert not chief.sees_mirror[0, ~met].any() and chief.sees_mirror.any()
 
 
 def test_a_pixel_covers_about_nine_point_six_millimetres():
@@ -69,9 +81,7 @@ def test_a_tilt_moves_the_light_downhill_by_twice_the_slope(term, axis):
     scene = load_scene("sphere")
     amount_um = 2.0
     slope = 2 * amount_um * 1e-3 / 532.0  # Noll's tilt is 2 rho cos
-    straight, turned = (
-        ChiefRays(s).reverse(62, 62)[1:] for s in (scene, tilted(scene, **{term: amount_um}))
-    )
+    straight, turned = (ChiefRays(s).reverse(62, 62)[1:] for s in (scene, tilted(scene, **{term: amount_um})))
     moved = np.subtract(turned, straight)
     assert moved[axis] == pytest.approx(-2 * slope * 4166.747, rel=0.01)  # cos 3 degrees
     assert abs(moved[1 - axis]) < 0.01 * abs(moved[axis])  # the same
@@ -98,9 +108,7 @@ def test_reverse_is_the_oracles_path():
         a, b = generator.uniform(-radius, radius, (2, 300))
         points, u, v = chief.reverse(row, column, a, b)
         columns, rows = scene.camera.detector.pixels
-        image = (
-            np.stack([column - (columns - 1) / 2, row - (rows - 1) / 2], -1) * scene.camera.detector.pitch_mm
-        )
+        image = np.stack([column - (columns - 1) / 2, row - (rows - 1) / 2], -1) * scene.camera.detector.pitch_mm
         oracle = tracer.trace_adjoint(scene, image, np.stack([a, b], -1))
         np.testing.assert_allclose(points, oracle.mirror, rtol=0, atol=1e-7)  # 1/10 nm
         np.testing.assert_allclose(np.stack([u, v], -1), oracle.screen, rtol=0, atol=1e-7)  # 1/10 nm
@@ -115,9 +123,7 @@ def fine_footprint(chief, which, per_axis=64):
     step = (np.arange(per_axis) + 0.5) / per_axis - 0.5
     covered, x, y = np.zeros((3, len(which), columns))
     for k, row in enumerate(which):
-        points, _, _ = chief.reverse(
-            row + step[:, None], (np.arange(columns)[:, None] + step)[:, None, :]
-        )
+        points, _, _ = chief.reverse(row + step[:, None], (np.arange(columns)[:, None] + step)[:, None, :])
         on = chief.surface.contains(points[..., 0], points[..., 1])
         covered[k] = on.mean((1, 2))
         with np.errstate(invalid="ignore"):
@@ -132,9 +138,7 @@ def test_coverage_and_centroids_against_fine_sampling(name, which):
         scene = lopsided()
     else:  # 25 x 25 pixels, which the rim cuts at all angles
         scene = load_scene("sphere")
-        camera = replace(
-            scene.camera, detector=replace(scene.camera.detector, pixels=(25, 25), pitch_mm=0.185)
-        )
+        camera = replace(scene.camera, detector=replace(scene.camera.detector, pixels=(25, 25), pitch_mm=0.185))
         scene = replace(scene, camera=camera)
     chief = ChiefRays(scene)
     coverage, x, y = fine_footprint(chief, np.arange(chief.shape[0])[which])
@@ -144,20 +148,14 @@ def test_coverage_and_centroids_against_fine_sampling(name, which):
     assert edge.sum() > 30
     # A straight edge through n x n samples moves by at most about one row of them; rms far less.
     assert np.abs(found - coverage).max() < 1 / SUBPIXELS
-    assert (
-        np.sqrt(np.mean((found - coverage)[edge] ** 2)) < 0.01
-    )  # twice the half percent that SUBPIXELS is for
+    assert np.sqrt(np.mean((found - coverage)[edge] ** 2)) < 0.01  # twice the half percent that SUBPIXELS is for
     assert (found[coverage == 1] == 1).all()
     size = np.nanmax(np.diff(x, axis=1))
     used = coverage > 0.1
-    np.testing.assert_allclose(
-        found_x[used], x[used], rtol=0, atol=0.05 * size
-    )  # a row of samples: 1/20 pixel
+    np.testing.assert_allclose(found_x[used], x[used], rtol=0, atol=0.05 * size)  # a row of samples: 1/20 pixel
     np.testing.assert_allclose(found_y[used], y[used], rtol=0, atol=0.05 * size)  # the same
     full = coverage == 1
-    np.testing.assert_allclose(
-        found_x[full], x[full], rtol=0, atol=1e-4 * size
-    )  # 64 points' own midpoint rule
+    np.testing.assert_allclose(found_x[full], x[full], rtol=0, atol=1e-4 * size)  # 64 points' own midpoint rule
     np.testing.assert_allclose(found_y[full], y[full], rtol=0, atol=1e-4 * size)  # the same
     assert np.isnan(footprint.x_mm[footprint.coverage == 0]).all()
 
@@ -175,9 +173,7 @@ def test_footprint_is_symmetric_where_the_test_is():
     footprint = ChiefRays(load_scene("sphere")).footprint
     # the scene is symmetric in y, not in x
     np.testing.assert_array_equal(footprint.coverage, footprint.coverage[::-1])
-    np.testing.assert_allclose(
-        footprint.y_mm, -footprint.y_mm[::-1], rtol=0, atol=1e-9
-    )  # mm: rounding at 4 m
+    np.testing.assert_allclose(footprint.y_mm, -footprint.y_mm[::-1], rtol=0, atol=1e-9)  # mm: rounding at 4 m
     np.testing.assert_allclose(footprint.x_mm, footprint.x_mm[::-1], rtol=0, atol=1e-9)  # mm: rounding at 4 m
 
 
@@ -185,9 +181,7 @@ def test_a_hole_takes_its_area():
     scene = load_scene("sphere")
     whole = ChiefRays(scene)
     holed = ChiefRays(with_mirror(scene, obscuration_mm=200.0))
-    assert (
-        holed.footprint.coverage[62, 62] == 0 and not holed.sees_mirror[62, 62] and whole.sees_mirror[62, 62]
-    )
+    assert holed.footprint.coverage[62, 62] == 0 and not holed.sees_mirror[62, 62] and whole.sees_mirror[62, 62]
     missing = (whole.footprint.coverage - holed.footprint.coverage).sum()
     one = 0.037 * whole.scene.camera.focus_mm / whole.scene.camera.image_distance_mm
     assert missing == pytest.approx(
@@ -198,9 +192,7 @@ def test_a_hole_takes_its_area():
 
 
 def test_a_small_hole_is_not_overlooked():
-    holed = ChiefRays(
-        with_mirror(load_scene("sphere"), obscuration_mm=4.0)
-    )  # smaller than a pixel's footprint
+    holed = ChiefRays(with_mirror(load_scene("sphere"), obscuration_mm=4.0))  # smaller than a pixel's footprint
     coverage = holed.footprint.coverage
     area = np.pi * 2.0**2 / (0.037 * holed.scene.camera.focus_mm / holed.scene.camera.image_distance_mm) ** 2
     assert coverage[62, 62] == pytest.approx(1 - area, abs=0.02)  # 16 x 16 samples, 35 of them in the hole
@@ -230,17 +222,11 @@ def test_sees_mirror_and_landing_range_hold_for_all_rays(name):
     assert on.sum() > 10_000
     assert chief.sees_mirror[pixel_row, pixel_column][on].all()
     screen = scene.screen
-    landing = (np.stack([u, v], -1) - screen.centre_offset_mm) / screen.pitch_mm + (
-        np.array(screen.pixels) - 1
-    ) / 2
-    inside = (landing >= lowest[pixel_row, pixel_column] - 0.02) & (
-        landing <= highest[pixel_row, pixel_column] + 0.02
-    )
+    landing = (np.stack([u, v], -1) - screen.centre_offset_mm) / screen.pitch_mm + (np.array(screen.pixels) - 1) / 2
+    inside = (landing >= lowest[pixel_row, pixel_column] - 0.02) & (landing <= highest[pixel_row, pixel_column] + 0.02)
     assert inside[on].all()  # 0.02 pixel: cubic terms across a pixel; windows have a margin of one
     width = highest - lowest
-    assert (
-        np.nanmedian(width) < 3 * scene.camera.aperture_diameter_mm / screen.pitch_mm
-    )  # and not by being vast
+    assert np.nanmedian(width) < 3 * scene.camera.aperture_diameter_mm / screen.pitch_mm  # and not by being vast
 
 
 def test_a_camera_that_looks_past_the_mirror_is_refused():

@@ -62,8 +62,6 @@ def test_fringe_order_bound_is_that_of_the_index_table():
                 ZernikeTerms(1.0, "fringe", {index: 0.1})
 
 
-
-
 # --- what single ranges cannot tell -------------------------------------------------------------------------
 
 
@@ -83,7 +81,9 @@ def test_fringe_order_bound_is_that_of_the_index_table():
         ("camera.position_mm", [800, 0, 34], "[800.0, 0.0, 34.0]",
          "lie in front of the mirror: z above 34.10177424"),
         ("screen.look_at_mm", [0, 0, 9000], "[0.0, 0.0, 9000.0]",
-         "look from position_mm within 89 degrees of the mirror's vertex"),
+         "look from position_mm within 89 degrees of some point of the mirror"),
+        ("camera.look_at_mm", [900, 0, 8000], "[900.0, 0.0, 8000.0]",
+         "look from position_mm within 89 degrees of some point of the mirror"),
         ("camera.focal_length_mm", 4166.747, "4166.747",
          "be below 4166.746983, the distance to look_at_mm, which is in focus"),
         ("camera.focus_distance_mm", 16, "16.0", "be above focal_length_mm (16.0)"),
@@ -91,6 +91,18 @@ def test_fringe_order_bound_is_that_of_the_index_table():
 )  # fmt: skip
 def test_parts_that_do_not_fit_together_are_refused(key, value, shown, must):
     assert refusal(changed(*key.split("."), to=value)) == f"my.toml: {key} = {shown}: must {must}"
+
+
+@pytest.mark.parametrize("key", ["camera", "screen"])
+def test_a_device_may_look_away_from_the_vertex_at_another_part_of_the_mirror(key):
+    near = changed(key, "position_mm", to=[480.0, 0.0, 60.0])
+    near[key]["look_at_mm"] = [512.0, 0.0, 31.5]  # outward, at the rim
+    if key == "camera":
+        near[key]["focal_length_mm"] = 8.0
+    Scene.from_dict(near)
+    near[key]["look_at_mm"] = [490.0, 0.0, 160.0]  # up
+    must = "must look from position_mm within 89 degrees of some point of the mirror"
+    assert refusal(near) == f"my.toml: {key}.look_at_mm = [490.0, 0.0, 160.0]: {must}"
 
 
 def test_a_conic_that_ends_inside_the_rim_names_the_largest_diameter():

@@ -84,8 +84,6 @@ def test_a_file_is_loaded_by_string_and_by_path(tmp_path, monkeypatch):
     assert load_scene("sphere").name == "sphere"
     file.rename(tmp_path / "Mine.TOML")
     assert load_scene("Mine.TOML").name == "off-axis"
-    (tmp_path / "b.toml").write_bytes(b"\xef\xbb\xbf" + preset_text("sphere").encode())
-    assert refusal("b.toml").startswith("b.toml: is not valid TOML: ")
 
 
 def test_a_value_in_a_file_is_refused_under_the_file_s_name(tmp_path, monkeypatch):
@@ -134,6 +132,8 @@ def test_no_preset_name_leads_out_of_the_folder():
         (b"a = " + b"[" * 100_000, "is not valid TOML: nested too deep"),
         (b"a = " + b"9" * 5000, "is not valid TOML: Exceeds the limit"),
         (b"name = '\xff'", "is not UTF-8 text (byte 8); a scene is a TOML file"),
+        ("name = 'a'".encode("utf-16"), "is UTF-16 text; a scene is a TOML file, which must be UTF-8"),
+        (b"\xef\xbb\xbfname = 'a", "is not valid TOML: "),
         (b"#" * (2**20 + 1), "is too large; a scene file has at most 1048576 bytes"),
         (b"", "name: missing; needs 1 to 64 characters"),
     ],
@@ -142,6 +142,12 @@ def test_a_broken_file_is_refused_in_one_line(content, line, tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     Path("my.toml").write_bytes(content)
     assert refusal("my.toml").startswith(f"my.toml: {line}")
+
+
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path):
+    file = tmp_path / "marked.toml"
+    file.write_bytes(b"\xef\xbb\xbf" + preset_text("sphere").encode())
+    assert load_scene(file) == load_scene("sphere")
 
 
 def test_a_directory_and_an_endless_file_are_refused(tmp_path):

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 from lopsided import lopsided
 
+from irtscots_cl.scene.instrument import Camera, Detector, Screen
+from irtscots_cl.scene.mirror import Mirror
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 
@@ -26,6 +28,16 @@ def coarse(scene: Scene | str = "sphere-deviated", pixels: int = 25) -> Scene:
     detector = scene.camera.detector
     pitch = round(detector.pitch_mm * detector.pixels[0] / pixels, 12)
     return with_part(scene, "camera", detector=replace(detector, pixels=(pixels, pixels), pitch_mm=pitch))
+
+
+def rim_view() -> Scene:
+    """A camera near the mirror's rim that looks outward at it, away from the vertex; all its light is on the screen."""
+    camera = Camera(
+        position_mm=(480.0, 0.0, 60.0), look_at_mm=(512.0, 0.0, 31.5), aperture_diameter_mm=0.5, focal_length_mm=8.0,
+        detector=Detector(pixels=(15, 15), pitch_mm=0.05),
+    )  # fmt: skip
+    screen = Screen(position_mm=(680.0, 0.0, 279.0), look_at_mm=(512.0, 0.0, 31.5), pixels=(61, 61), pitch_mm=1.0)
+    return Scene("rim", Mirror(radius_mm=4166.747, diameter_mm=1064.0), screen, camera)
 
 
 def coarse_screen(scene: Scene) -> Scene:

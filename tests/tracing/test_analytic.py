@@ -9,6 +9,7 @@ import pytest
 from lopsided import lopsided
 from scenes import with_part
 from significance import sidak_z
+from synthetic import small_scene
 from tracers import setup_of
 
 from irtscots_cl.imaging.patterns import LineScan
@@ -252,9 +253,31 @@ def test_all_light_of_the_off_axis_preset_is_on_the_screen():
 
 
 def test_pixels_that_are_not_quadratic_are_counted_as_failed():
-    run = trace(lopsided(), estimator="analytic")  # its aperture is three times too wide
-    assert run.ledger["failed"] > 0.9 * run.rays_total and run.ledger["detected"] == 0
-    assert all((run.flux_w[axis] == 0).all() for axis in "xy")
+    wide = lopsided()  # its aperture is three times too wide
+    less = with_part(wide, "camera", aperture_diameter_mm=wide.camera.aperture_diameter_mm / 1.5)
+    run = trace(less, estimator="analytic")
+    assert run.ledger["failed"] > 0.9 * run.rays_total and run.ledger["detected"] > 0
+    dark = run.flux_w["x"][0].sum(1) == 0
+    assert RAYS * dark.sum() == run.rays_total - run.ledger["detected"]
+
+
+def test_without_any_closed_form_the_limit_is_named():
+    with pytest.raises(ValueError, match="^scene lopsided: the light of none of the 3760 detector pixels") as caught:
+        trace(lopsided(), estimator="analytic")
+    # the camera is focused on the vertex, and the mirror is tilted to its view
+    assert "the camera's defocus on the mirror, a blur of 0.037 of a pixel where 0.02 is allowed" in str(caught.value)
+
+
+def test_a_camera_focused_off_the_mirror_is_named_by_each_command_that_needs_the_closed_form(irtscots, tmp_path):
+    file = tmp_path / "mine.toml"
+    camera = {"aperture_diameter_mm": 3.0, "focus_distance_mm": 3000.0}
+    screen = {"pixels": (81, 81)}
+    file.write_text(with_part(with_part(small_scene("sphere", 25), "camera", **camera), "screen", **screen).to_toml())
+    for way in (("--estimator", "analytic"), ("--target-nm", "5")):
+        code, out, err = irtscots("run", file, "--out", tmp_path / "out", "--quiet", *way)
+        assert (code, out, err.count("\n")) == (2, "", 1)
+        assert "its limit is the camera's defocus on the mirror, a blur of 0.02" in err, err
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_dark_scene_is_refused():

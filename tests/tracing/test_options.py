@@ -27,7 +27,8 @@ def test_the_defaults_are_allowed_and_cannot_be_changed_afterwards():
         *({"sampler": name} for name in SAMPLERS),
         *({"precision": name} for name in ("fp32", "fp64")),
         *({"seed": seed} for seed in (0, 2**64 - 1)),
-        *({"overfill": overfill} for overfill in (1.0, 1, 1e4)),
+        *({"estimator": "forward", "overfill": overfill} for overfill in (1.0, 1, 1e4)),
+        {"overfill": 1.0},
         *({"estimator": "forward", "aim": aim} for aim in AIMS),
         {"smoothing": True},
         {"smoothing": True, "sampler": "sobol", "precision": "fp64", "seed": 7},
@@ -55,6 +56,8 @@ def test_every_value_in_range_is_kept(given):
         ({"overfill": float("nan")}, "--overfill = nan: must be 1 to 10000"),
         ({"overfill": float("inf")}, "--overfill = inf: must be 1 to 10000"),
         ({"overfill": -1.0}, "--overfill = -1.0: must be 1 to 10000"),
+        ({"overfill": 2.0}, "--overfill = 2.0: must go with --estimator forward, not adjoint"),
+        ({"overfill": 2.0, "estimator": ANALYTIC}, "--overfill = 2.0: must go with --estimator forward, not analytic"),
         ({"aim": "screen"}, "--aim = 'screen': must be one of mirror, camera"),
         *(
             ({"aim": "camera", "estimator": name}, f"--aim camera: must go with --estimator forward, not {name}")

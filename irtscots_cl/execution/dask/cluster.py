@@ -18,6 +18,7 @@ from irtscots_cl.execution.dask.tasks import CodeError, WorkerError, call_on_dev
 from irtscots_cl.execution.executor import RunControl, TraceSums
 from irtscots_cl.execution.task import TraceTask
 from irtscots_cl.opencl.device import DeviceError, describe_together, merge_descriptions
+from irtscots_cl.system.interruption import wait_for
 
 CONNECT_SECONDS = 10.0
 log = logging.getLogger(__name__)
@@ -33,7 +34,7 @@ def connect(address: str) -> Any:
     if not address.strip():  # Dask would start a cluster of its own
         raise ValueError(f"--dask = {address!r}: {must}")
     try:
-        return Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+        return wait_for(lambda: Client(address, timeout=CONNECT_SECONDS, set_as_default=False))
     except (OSError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ValueError(f"--dask = {address!r}: no scheduler answers: {reason}; {must}") from None
@@ -42,8 +43,8 @@ def connect(address: str) -> Any:
 class DaskExecutor:
     """The workers of a Dask cluster as an executor.Executor: those that there are, and those that join.
 
-    A worker whose devices fail is left out, and the log says so. Raises CodeError if a worker runs other code, and
-    DeviceError if there is no worker for WAIT_SECONDS, or all have failed.
+    A worker whose devices fail is left out and logged. Raises CodeError if a worker runs other code, and DeviceError if
+    there is no worker for WAIT_SECONDS, or all have failed.
     """
 
     def __init__(self, client: Any):
@@ -77,7 +78,7 @@ class DaskExecutor:
             only = self.usable() if self.failed else None
             future = self.submit(call_on_device, code_hash(), function, arguments, only=only)
             try:
-                return future.result()
+                return wait_for(future.result)
             except WorkerError as error:
                 self.leave_out(error)
 
@@ -90,7 +91,7 @@ class DaskExecutor:
         if self.client.scheduler is None:
             raise self.lost()
         try:
-            found = self.client.nthreads()
+            found = wait_for(self.client.nthreads)
         except (OSError, TimeoutError) as error:
             raise self.lost(error) from None
         return {address: threads for address, threads in found.items() if address not in self.failed}
@@ -108,12 +109,13 @@ class DaskExecutor:
 
     def _wait_for_workers(self) -> None:
         try:
-            self.client.wait_for_workers(1, timeout=WAIT_SECONDS)
+            wait_for(lambda: self.client.wait_for_workers(1, timeout=WAIT_SECONDS))
         except TimeoutError:
             raise DeviceError(f"--dask: no worker came within {WAIT_SECONDS:g} s") from None
 
     def _greet_workers(self) -> None:
-        for address, said in self.client.run(greet, on_error="return").items():
+        greetings = wait_for(lambda: self.client.run(greet, on_error="return"))
+        for address, said in greetings.items():
             if isinstance(said, BaseException):
                 raise CodeError(f"--dask: worker {address} cannot run irtscots-cl: {type(said).__name__}: {said}")
             if said["code"] != code_hash():

@@ -25,9 +25,10 @@ from irtscots_cl.execution.executor import RunControl
 from irtscots_cl.execution.launch_plan import Cursor, RayBlock, plan_launches
 from irtscots_cl.execution.task import TraceTask
 from irtscots_cl.opencl.device import DeviceError
+from irtscots_cl.system import interruption
 
-TASK_SECONDS = 4.0  # of a task: long beside what the scheduler does for it, short beside what a lost worker costs
-MIN_TASK_SECONDS = 0.25  # near the end, when what is left is shared out
+TASK_SECONDS = 4.0  # of a task: much longer than the scheduler's work for it, and little is lost with a worker
+MIN_TASK_SECONDS = 0.25  # near the end, when the remaining rays are divided among all
 SUM_BYTES_PER_SECOND = 1e7  # of a worker's sums: larger ones make longer tasks, so that the network keeps up
 SCHEDULER_SECONDS = 0.01  # of a task, for scheduler and client to keep up with: with many workers tasks get longer
 FAN_IN = 8  # sums that a worker adds up at a time
@@ -83,20 +84,27 @@ class ClusterRun:
         """Run to the end. Raises as Cluster says."""
         if self._control.progress is not None and self._place != Cursor():
             self._control.progress(self._total - sum(self._left), self._total)
-        while self._place != self._end:
-            if self._control.checkpoint is not None and self._control.checkpoint.ends:
-                self._control.checkpoint.launched(self._place, self.kernel_seconds, lambda: None)
-            self._look_at_workers()
-            self._top_up()
-            try:
-                key = self._done.get(timeout=POLL_SECONDS)
-            except Empty:
-                continue
-            if key in self._out:
-                future, then, arguments = self._out.pop(key)
-                then(future, *arguments)
+        with interruption.waking(lambda: self._done.put("")):
+            while self._place != self._end:
+                self._step()
         if self._control.checkpoint is not None:
             self._control.checkpoint.ended(self._place, self.kernel_seconds)
+
+    def _step(self) -> None:
+        """Hand out parts, and take the next finished one, if there is one within POLL_SECONDS."""
+        if self._control.checkpoint is None:
+            interruption.check()
+        elif self._control.checkpoint.ends:
+            self._control.checkpoint.launched(self._place, self.kernel_seconds, lambda: None)
+        self._look_at_workers()
+        self._top_up()
+        try:
+            key = self._done.get(timeout=POLL_SECONDS)
+        except Empty:
+            return
+        if key in self._out:
+            future, then, arguments = self._out.pop(key)
+            then(future, *arguments)
 
     @property
     def kernel_seconds(self) -> float:
@@ -104,7 +112,7 @@ class ClusterRun:
         return float(sum(of_one["kernels"] for of_one in self.ran.values()) / max(1, len(self.ran)))
 
     def cancel(self) -> None:
-        """Take back what has not run."""
+        """Cancel all tasks that have not run."""
         futures = [future for future, _, _ in self._out.values()]
         if futures and self._cluster.client.status == "running":
             self._cluster.client.cancel(futures)
@@ -182,14 +190,14 @@ class ClusterRun:
             self._speeds.append(future.result())
 
     def _totalled(self, future: Any, replicate: int) -> None:
-        if not self._is_well(future):  # what a lost worker had was traced again, on one that failed: once more
+        if not self._is_well(future):  # rays of a lost worker were traced again, on a worker that failed: once more
             self._retries += 1
             if self._retries > MAX_RETRIES:
                 raise DeviceError(f"--dask: {future.exception().line}, {MAX_RETRIES} times after workers were lost")
             self._cluster.client.retry([future])
             self._watch(future, self._totalled, replicate)
             return
-        found = self._cluster.client.gather(future, direct=True)
+        found = interruption.wait_for(lambda: self._cluster.client.gather(future, direct=True))
         for all_of, array in zip(self.sums, found["sums"], strict=True):
             all_of[replicate] += array
         self.ran = merged(self.ran, found["ran"])
@@ -204,7 +212,7 @@ class ClusterRun:
     # what goes wrong
 
     def _is_well(self, future: Any) -> bool:
-        """Whether a future has a result; False if its worker failed and is left out. Raises what is worse."""
+        """Whether a future has a result; False if its worker failed and is left out. Raises any other failure."""
         if future.status == "finished":
             return True
         if future.status != "error":

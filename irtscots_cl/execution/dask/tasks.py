@@ -1,4 +1,4 @@
-"""Tasks of a trace on many machines: what the workers of a Dask cluster run.
+"""Tasks of a trace on many machines, for the workers of a Dask cluster.
 
 A task is a function of plain values: the scene as TOML, how to trace it, a replicate and a part of its rays. Its result
 is whole numbers, so tasks may run anywhere, again and in any order.
@@ -40,7 +40,7 @@ class CodeError(ValueError):
 
 @lru_cache
 def code_hash() -> str:
-    """Of the package's Python and kernel files: what decides about a trace's bits, but for device and libraries."""
+    """Of the package's Python and kernel files: all that a trace's bits depend on except device and libraries."""
     package, digest = Path(str(files("irtscots_cl"))), hashlib.sha256()
     for folder, pattern in ((package, "*.py"), (kernels_folder(), "*.cl")):
         for path in sorted(folder.rglob(pattern)):
@@ -49,7 +49,7 @@ def code_hash() -> str:
 
 
 def greet() -> dict[str, Any]:
-    """What a worker is: code; why it cannot be used, "" if it can; what about() and device facts say of its devices."""
+    """A worker's facts: its code; why it cannot be used, "" if it can; its devices' identity and description."""
     try:
         devices = select_devices()
     except DeviceError as error:

@@ -24,6 +24,7 @@ from scipy.sparse.linalg import LinearOperator, SuperLU, cg, splu
 from skimage.measure import label
 
 from irtscots_cl.maths.low_order import checked_mask
+from irtscots_cl.system import interruption
 
 # A run uses one mask, a tolerance study a few. The factor of 10^4 nodes takes about 6 MB.
 _CACHED_MASKS = 8
@@ -137,7 +138,9 @@ class NodeGraph:
         operator = LinearOperator((count, count), matvec=precondition, dtype=np.float64)
         nodes = np.empty_like(sources)
         for k, source in enumerate(sources):
-            nodes[k], failed = cg(self._laplacian, source, rtol=_RESIDUAL, maxiter=_STEPS, M=operator)
+            nodes[k], failed = cg(
+                self._laplacian, source, rtol=_RESIDUAL, maxiter=_STEPS, M=operator, callback=_between_steps
+            )
             if failed:
                 return None
         return nodes
@@ -157,6 +160,10 @@ def _chains(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ...]:
         ends = on & ~np.pad(on[:, 1:], ((0, 0), (0, 1)))
         chains += np.split(numbers[on], np.flatnonzero(ends[on]) + 1)
     return tuple(chain for chain in chains if chain.size >= 2)
+
+
+def _between_steps(_: NDArray[np.float64]) -> None:
+    interruption.check()
 
 
 def _rectangle_solver(mask: NDArray[np.bool_]) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from irtscots_cl.maths.integration.node_graph import NodeGraph
+from irtscots_cl.system import interruption
 
 _STENCIL = 4  # nodes of a cubic
 
@@ -33,7 +34,11 @@ Numbers = NDArray[np.intp]
 def southwell_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -> Values:
     """Rises [maps, pairs] along straight lines with linear slopes."""
     i, j = graph.pairs
-    rises: Values = 0.5 * ((p[:, i] + p[:, j]) * (x[j] - x[i]) + (q[:, i] + q[:, j]) * (y[j] - y[i]))
+    step_x, step_y = x[j] - x[i], y[j] - y[i]
+    rises = np.empty((len(p), i.size))
+    for rise, along_x, along_y in zip(rises, p, q, strict=True):  # map by map: less memory
+        interruption.check()
+        rise[:] = 0.5 * ((along_x[i] + along_x[j]) * step_x + (along_y[i] + along_y[j]) * step_y)
     return rises
 
 
@@ -47,6 +52,7 @@ def cubic_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) ->
     for pairs, nodes, place in _stencils(graph):
         weight_x, weight_y = _stencil_weights(x[nodes], y[nodes], place)
         for k, node in enumerate(nodes.T):
+            interruption.check()
             rises[:, pairs] += p[:, node] * weight_x[:, k] + q[:, node] * weight_y[:, k]
     return rises
 

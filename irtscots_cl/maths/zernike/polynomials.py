@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from irtscots_cl.maths.zernike.indices import index_to_nm
+from irtscots_cl.system import interruption
 
 _RIM_TOLERANCE = 1e-12
 
@@ -42,6 +43,7 @@ def zernike(j: int, x: ArrayLike, y: ArrayLike, ordering: str = "noll") -> NDArr
     disk get the polynomial itself. Raises ValueError as `index_to_nm` does, or if the shapes do not
     broadcast.
     """
+    interruption.check()
     n, m = index_to_nm(j, ordering)
     x, y = broadcast_points(x, y)
     radial, _ = _jacobi((n - abs(m)) // 2, abs(m), 2.0 * (x * x + y * y) - 1.0)

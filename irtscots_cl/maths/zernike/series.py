@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from irtscots_cl.maths.zernike.indices import checked_nm
 from irtscots_cl.maths.zernike.polynomials import broadcast_points, normalisation, recurrence
+from irtscots_cl.system import interruption
 
 # A sample computed as (cos a, sin a) may lie a few ulp outside the disk. It still counts as a sample on the rim.
 _AT_ONCE = 2**13  # points evaluated at a time: a dozen arrays of them stay in the cache
@@ -121,6 +122,7 @@ def evaluate_series(
     result = np.empty((3, x.size))
     flat_x, flat_y = x.ravel(), y.ravel()
     for first in range(0, x.size, _AT_ONCE):
+        interruption.check()
         part = slice(first, first + _AT_ONCE)
         result[:, part] = _evaluate(series, flat_x[part], flat_y[part])
     return tuple(result.reshape(3, *x.shape))

@@ -16,6 +16,7 @@ from itertools import product
 import numpy as np
 
 from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.system import interruption
 
 OUTPUTS = ("u", "v", "x", "y")  # landing point in the screen's frame, mirror point in the world's [mm]
 # Monomials of (s, t, a, b): position along column and row in half pixels, and on the aperture in radii.
@@ -59,8 +60,10 @@ class RayMap:
         radius = chief.scene.camera.aperture_diameter_mm / 2
         s, t, a, b = _POINTS.T[:, :, None]
         points, u, v = chief.reverse(row + t / 2, column + s / 2, a * radius, b * radius)
+        interruption.check()
         values = np.stack([u, v, points[..., 0], points[..., 1]], 1)  # [25, 4, n]
         coefficient = np.tensordot(_FIT, values, 1)
+        interruption.check()
         left = values[:, :2] - np.tensordot(_monomials(_POINTS), coefficient[:, :2], 1)
         return cls(row, column, coefficient, np.sqrt(np.mean(left**2, axis=0)))
 

@@ -16,6 +16,7 @@ from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.pixel.chord import MIN_HALF_BOX, Chord, chord_integrals
 from irtscots_cl.optics.pixel.quadrature import PixelQuadrature, cut_cells, join, whole_cells, without
 from irtscots_cl.optics.pixel.ray_map import RayMap
+from irtscots_cl.system import interruption
 
 MAX_RESIDUAL = 2e-3  # of the aperture image's radius: largest residual of a map's fit
 MAX_BEND = 0.02  # of the same radius: beyond it the first order in Q is wrong by more than 4e-4
@@ -93,19 +94,31 @@ class PixelResponse:
 
     def valid(self) -> np.ndarray:
         """Whether the closed form gives each pixel's light; false if its map contains NaN."""
+        return np.all(list(self.limits().values()), axis=0)
+
+    def limits(self) -> dict[str, np.ndarray]:
+        """Whether each pixel [n] is within a limit of the closed form, by the limit's words for messages."""
         maps = self.maps
         footprint = np.hypot(maps.term("x", "s"), maps.term("y", "t"))
         push = np.hypot(self.spread("x", ("a", "b")), self.spread("y", ("a", "b")))
         surface = self.chief.surface
         with np.errstate(invalid="ignore", divide="ignore"):
-            good = push <= MAX_PUSH * footprint
+            sharp = push <= MAX_PUSH * footprint
+            small, quadratic, straight = (np.ones_like(sharp) for _ in range(3))
             for radius_mm in (surface.aperture_radius_mm, surface.obscuration_radius_mm):
-                good &= ~self._crossed(radius_mm) | (self._diagonal() <= MAX_DIAGONAL * radius_mm)
+                small &= ~self._crossed(radius_mm) | (self._diagonal() <= MAX_DIAGONAL * radius_mm)
             for k, output in enumerate("uv"):
                 radius = self.spread(output, ("a", "b"))
                 bend = np.abs([maps.term(output, m) for m in ("aa", "ab", "bb")]).max(0)
-                good &= (maps.residual[k] <= MAX_RESIDUAL * radius) & (bend <= MAX_BEND * radius)
-        return good
+                quadratic &= maps.residual[k] <= MAX_RESIDUAL * radius
+                straight &= bend <= MAX_BEND * radius
+            blur = np.nanmedian(push / footprint) if np.isfinite(push / footprint).any() else np.nan
+        return {
+            f"the camera's defocus on the mirror, a blur of {blur:.2g} of a pixel where {MAX_PUSH} is allowed": sharp,
+            "the size of a pixel on the mirror, larger than the rim or the hole that crosses it": small,
+            f"the light of a pixel on the screen, whose map is not quadratic to {MAX_RESIDUAL} of its size": quadratic,
+            f"the light of a pixel on the screen, bent by more than {MAX_BEND} of its size": straight,
+        }
 
     def extent(self, output: str) -> tuple[np.ndarray, np.ndarray]:
         """Middle [n] of the pixels' light on the screen and its half-extent, along "u" or "v", in mm.
@@ -186,6 +199,7 @@ class PixelResponse:
             cells, row = cells.part(wanted), place[cells.pixel[wanted]]
         below = np.zeros(edges_mm.shape)
         for first in range(0, len(row), CHUNK):
+            interruption.check()
             rows = row[first : first + CHUNK]
             part = self._below(output, cells.part(slice(first, first + CHUNK)), edges_mm[rows])
             np.add.at(below, rows, part)

@@ -1,7 +1,7 @@
-"""Whether a precision is enough for a scene: some of its rays on the device, against float64 on the host, before a run.
+"""Check before a run that a precision is enough for a scene: some rays on the device against float64 on the host.
 
-What rounding does depends on the scene: the same single precision is good to 0.01 urad on the paper's sphere, and
-useless where a set-up is small beside its distance from the vertex of the mirror.
+The effect of rounding depends on the scene: single precision is good to 0.01 urad on the paper's sphere, and useless
+if a set-up is small compared with its distance from the vertex of the mirror.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from irtscots_cl.tracing.checks.probes import BLOCK, PathProbe, uniform_centred
 from irtscots_cl.tracing.packing.sources import receivers
 from irtscots_cl.tracing.samplers import DIMENSIONS
 
-PIXELS = 64  # looked at, evenly among those that see the mirror
-MAX_SLOPE_URAD = 0.1  # rms of a ray: what sampling by lines does to the paper's test, so that rounding does not rule
+PIXELS = 64  # checked, evenly spaced among those that see the mirror
+MAX_SLOPE_URAD = 0.1  # rms of a ray: as large as the effect of sampling by lines in the paper's test
 _SEED = 5
 
 
 def rounding_slope_urad(setup: Setup, device: Device, precision: str) -> float:
-    """Rms error of single rays' landing points, as the slope of the mirror that would do the same, in urad.
+    """Rms error of single rays' landing points, as the slope error of the mirror with the same effect, in urad.
 
     Infinite where a ray that the host follows to the screen is lost on the device. Raises DeviceError as a trace does.
     """
@@ -46,14 +46,14 @@ def rounding_slope_urad(setup: Setup, device: Device, precision: str) -> float:
 
 
 def check_precision_on(device: Device, scene_toml: str, precision: str, source: str) -> None:
-    """check_precision_of_scene of a scene as TOML text, for places that are called with plain values (crew.Site)."""
+    """check_precision_of_scene of a scene as TOML text, for Executor.call, which passes plain values."""
     check_precision_of_scene(parse_scene(scene_toml), device, precision, source)
 
 
 def check_precision_of_scene(scene: Scene | Setup, device: Device, precision: str, source: str) -> None:
-    """Refuse a precision that is too coarse for the scene, with a ValueError that says what would do.
+    """Refuse a precision that is too coarse for the scene, with a ValueError that names the remedy.
 
-    source: the scene's file or preset, for the message. Double precision is taken as it is.
+    source: the scene's file or preset, for the message. Double precision is not checked.
     """
     if precision == "fp64":
         return

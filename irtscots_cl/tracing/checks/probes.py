@@ -1,4 +1,4 @@
-"""Single rays on a device: the kernels' own files, around entry kernels that write out what they computed.
+"""Single rays on a device: the kernels' own files, with entry kernels that write out their results.
 
 For checks of the arithmetic; a run never uses them.
 """
@@ -18,7 +18,7 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.packing.scene import pack
 from irtscots_cl.tracing.samplers import DIMENSIONS
 
-BLOCK = 256  # rays of a work-item where there are several side by side: BLOCK of kernels/arithmetic/simd_vector.cl
+BLOCK = 256  # rays of a work-item that has several side by side: BLOCK of kernels/arithmetic/simd_vector.cl
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The analytic estimator: every pixel's light curves in closed form (optics/pixel/response.py), without rays' noise.
 
-Light that the screen's other edge cuts off has no closed form: pixels with such light get no light curve, as those
-whose map is not quadratic enough, and are counted in the ledger.
+Light that the screen's other edge cuts off has no closed form. Pixels with such light get no light curve, like pixels
+whose map is not quadratic enough; the ledger counts both.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
 from irtscots_cl.tracing.results.transport import LineLight, ledger_from
 
-MARGIN = 1  # screen pixels that the windows are wider than the chief rays say
+MARGIN = 1  # screen pixels by which the windows are wider than the chief rays require
 HOST = {
     "index": "-", "name": "host", "platform": "NumPy", "driver": np.__version__, "kind": "host", "compute_units": 1,
 }  # fmt: skip
@@ -30,14 +30,15 @@ def trace_analytic(setup: Setup) -> LineLight:
     """The light curves of a scene's line scans, in float64 on the host.
 
     The ledger counts the rays that the pixels' maps are fitted to, by what becomes of their pixel's light: detected,
-    missed_mirror, off_screen (some of it beside the screen), failed (the map is not quadratic enough).
-    Raises SceneError if no pixel sees the screen.
+    missed_mirror, off_screen (some of it misses the screen), failed (the map is not quadratic enough).
+    Raises SceneError if no pixel sees the screen, ValueError if no pixel's light has a closed form.
     """
     started = time.perf_counter()
     scene = setup.scene
     check_visible(setup.chief_rays, f"scene {scene.name}")
     windows, pixels = setup.windows(MARGIN), setup.pixel_response
     fate = _fates(pixels, windows)
+    _check_closed_form(scene.name, pixels, fate)
     area = np.pi / 4 * scene.camera.aperture_diameter_mm**2 * scene.camera.detector.pitch_mm**2
     gain = scene.screen.radiance * scene.mirror.reflectance * scene.camera.transmittance
     flux = {}
@@ -57,6 +58,18 @@ def window_edges_mm(scene: Scene, windows: Windows, k: int) -> np.ndarray:
     """Edges [n, window + 1] of the screen pixels in the windows, in the screen's own x (k = 0) or y (k = 1)."""
     number = windows.origins[:, k, None] + np.arange((windows.columns, windows.rows)[k] + 1)
     return (number - scene.screen.pixels[k] / 2) * scene.screen.pitch_mm + scene.screen.centre_offset_mm[k]
+
+
+def _check_closed_form(name: str, pixels: PixelResponse, fate: np.ndarray) -> None:
+    """Raise ValueError, with the limit that excludes most pixels, if there is light but no closed form of any."""
+    failed = fate == Fate.FAILED
+    if failed.any() and not (fate == Fate.DETECTED).any():
+        excluded = {words: int((failed & ~within).sum()) for words, within in pixels.limits().items()}
+        raise ValueError(
+            f"scene {name}: the light of none of the {len(fate)} detector pixels on the mirror has a closed form, "
+            "which --estimator analytic, --target-nm and --parts need: its limit is "
+            f"{max(excluded, key=lambda words: excluded[words])}; trace rays instead: --estimator adjoint"
+        )
 
 
 def _fates(pixels: PixelResponse, windows: Windows) -> np.ndarray:

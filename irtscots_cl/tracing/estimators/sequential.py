@@ -27,8 +27,9 @@ from irtscots_cl.tracing.packing.scene import Packed, pack
 from irtscots_cl.tracing.packing.sources import cosine4, emitters, line_receivers, receivers
 from irtscots_cl.tracing.results.transport import LineLight, Transport, ledger_from, line_flux
 
-MARGINS = (1, 2, 4, 8)  # screen pixels; chief rays that are wrong by more are a bug
+MARGINS = (1, 2, 4, 8)  # screen pixels; a larger error of the chief rays is a bug
 MAX_TILE_BYTES = 2**19  # a larger detector tile would leave the core's cache
+RIM_POINTS = 64  # of the mirror, where it is compared with the screen's plane
 TILE_BYTES_PER_RAY = 4  # with more, clearing and merging a tile costs more than its rays' atomics
 
 
@@ -60,10 +61,23 @@ def trace_rays(
             checkpoint.discard()
         margin *= 2  # light fell outside a window: wider ones, from the start
         if margin > MARGINS[-1]:
-            raise RuntimeError(f"{fates[Fate.OFF_WINDOW]} rays land where no chief ray says that light can come")
+            raise RuntimeError(f"{fates[Fate.OFF_WINDOW]} rays land outside all windows of the chief rays")
     before = {"build": prepared} | ({} if checkpoint is None else checkpoint.seconds)
     seconds = {name: ran.seconds[name] + before.get(name, 0.0) for name in ran.seconds}
     return task.result(counts, fates, rays, ran.device, seconds)
+
+
+def _check_in_front(setup: Setup) -> None:
+    """Raise ValueError if part of the mirror is behind the screen's plane, where no ray of the screen goes."""
+    surface, frame = setup.chief_rays.surface, setup.chief_rays.screen_frame
+    angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
+    x, y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
+    points = np.stack([x, y, surface.sag(x, y)], -1)
+    if ((points - frame.position_mm) @ frame.axes[2] >= 0).any():
+        raise ValueError(
+            f"scene {setup.scene.name}: --estimator forward: part of the mirror is behind the screen's plane, and its "
+            "rays are aimed at the whole mirror; must be all in front of it, or another --estimator"
+        )
 
 
 def _pass_on(finished, task: SequentialTask, executor: Executor, rays: np.ndarray, sums) -> None:
@@ -141,6 +155,7 @@ class SequentialTask:
         screen, camera = scene.screen, scene.camera
         gain = screen.radiance * scene.mirror.reflectance * camera.transmittance
         if options.estimator == "forward":
+            _check_in_front(self.setup)
             structs, area = emitters(self.setup, options.precision, options.overfill, options.aim)
             unit = (gain * screen.pitch_mm**2 * area).reshape(screen.pixels[::-1])
             return structs, windows.gather(unit)
@@ -196,8 +211,8 @@ class SequentialTask:
         return launch
 
     def to_json(self) -> str:
-        told = {name: getattr(self, name) for name in ("margin", "rays", "width", "accumulate")}
-        return json.dumps({"scene": self.setup.scene.to_toml(), "options": asdict(self.options)} | told)
+        more = {name: getattr(self, name) for name in ("margin", "rays", "width", "accumulate")}
+        return json.dumps({"scene": self.setup.scene.to_toml(), "options": asdict(self.options)} | more)
 
     @classmethod
     def from_json(cls, text: str) -> SequentialTask:

@@ -20,7 +20,7 @@ from irtscots_cl.tracing.samplers import INDEPENDENT
 
 
 class TraceResult:
-    """What the results of all estimators have in common."""
+    """The common part of the results of all estimators."""
 
     @property
     def rays_total(self) -> int:
@@ -57,7 +57,7 @@ class TraceResult:
 class Transport(TraceResult):
     """Result of a trace. n: detector pixels that can see the mirror; windows are [rows, columns] of screen pixels.
 
-    options: that it was made with. device: Device.describe() of where.
+    options: of the trace. device: Device.describe() of the device that traced.
     counts: [replicates, n, window rows, window columns] uint64, ray counts (forward) or summed weights (adjoint).
     unit_w: flux [W] of one count in a run of one ray per source; broadcasts to [n, window rows, window columns].
     rays: [replicates] rays per source (screen pixel or detector pixel) of each replicate.
@@ -81,7 +81,7 @@ class Transport(TraceResult):
         return self.counts[replicate] * (self.unit_w / self.rays[replicate])
 
     def hits(self) -> np.ndarray:
-        """Independent rays [n] that brought light to each detector pixel, of all replicates; NaN of other samplers."""
+        """Independent rays [n] that reached each detector pixel, of all replicates; NaN for other samplers."""
         if self.options.sampler not in INDEPENDENT:
             return np.full(len(self.windows.pixels), np.nan)
         one = WEIGHT_ONE if self.options.estimator == "adjoint" else 1

@@ -1,0 +1,68 @@
+"""Line positions of a scan against the lines of the scene's screen: what cannot be measured is refused before.
+
+Positions that are not the screen's give heights that are wrong without a sign of it, or a light-curve model of
+thousands of lines (positions in metres).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from irtscots_cl.imaging.image_stack import Scan
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.scene.model import Scene
+
+MAX_OFFSET = 0.5  # of the screen's pitch: from there on a line is another of the screen's lines
+UNITS = {"metres": 1e3, "centimetres": 10.0, "inches": 25.4, "micrometres": 1e-3}
+
+
+def check_line_positions(scan: Scan, scene: Scene) -> None:
+    """Raise ValueError if a scan's lines are not those of the scene's screen, within MAX_OFFSET of a pitch.
+
+    The message names the dataset, both sets of lines and the likely cause. The number of lines must be the screen's.
+    """
+    problem = line_position_problem(scan, scene)
+    if problem:
+        raise ValueError(problem)
+
+
+def line_position_problem(scan: Scan, scene: Scene) -> str:
+    """What is wrong with a scan's line positions, in one line; "" if they are the screen's."""
+    found, lines = scan.positions_mm, LineScan(scene).positions_mm(scan.axis)
+    pitch = scene.screen.pitch_mm
+    if _fits(found, lines, pitch):
+        return ""
+    cause = next((name for name, corrected in _corrections(found, lines) if _fits(corrected, lines, pitch)), "")
+    likely = f"; the positions seem to {cause}" if cause else ""
+    return (
+        f"/lines/{scan.axis}_mm: {_words(found)}; the screen of scene {scene.name} has {_words(lines)}; must agree "
+        f"within half a pitch{likely}"
+    )
+
+
+def _fits(found: FloatArray, lines: FloatArray, pitch: float) -> bool:
+    return bool(np.abs(found - lines).max() < MAX_OFFSET * pitch)
+
+
+def _corrections(found: FloatArray, lines: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+    """Common mistakes, in words that follow "the positions seem to", and the positions without each."""
+    for name, factor in UNITS.items():
+        yield f"be in {name}", found * factor
+    if found[0] == 0:
+        yield "be counted from the first line, not from the screen's centre", found + lines[0]
+        for name, factor in UNITS.items():
+            yield f"be in {name} and counted from the first line", found * factor + lines[0]
+    yield "have the opposite sign: the scan is reversed", -found[::-1]
+    yield f"be moved by {np.mean(found - lines):.6g} mm", found - np.mean(found - lines)
+    if len(lines) > 1:
+        pitch = np.diff(found).mean()
+        name = "be numbers of lines" if pitch == 1 else "have another pitch"
+        yield name, (found - found[0]) * ((lines[1] - lines[0]) / pitch) + lines[0]
+
+
+def _words(positions: FloatArray) -> str:
+    pitch = f", {np.diff(positions).mean():.6g} mm apart" if len(positions) > 1 else ""
+    return f"{len(positions)} lines from {positions[0]:.6g} to {positions[-1]:.6g} mm{pitch}"
