@@ -5,10 +5,10 @@ though: where a gap is small against its correlation length, the slopes on both 
 (bridges.py). Least squares over all gaps give every island's piston.
 
 How well a rise is predicted is measured: the same rule is tried across gaps of the same size inside the islands, where
-the heights are known. The root mean square of its errors there is the stated error of a link. Links between the same
-two islands share that error, except for the part that is noise of the slopes. Gaps too large to be tried have the error
-of the largest that was, scaled with the fifth power of the length. Where nothing can be tried, as between single
-nodes, the error is the difference to the trapezoidal rule.
+the heights are known. The errors of as many trials side by side as there are links between two islands are averaged;
+the root mean square of such averages is the stated error of the rise between the islands. Gaps too large to be tried
+have the error of the largest that was, scaled with the fifth power of the length. Where nothing can be tried, as
+between single nodes, the error is the difference to the trapezoidal rule.
 
 Two islands are joined if the stated error of the rise between them is at most JOIN_LIMIT times the rms of the heights.
 Islands that are joined, directly or through others, form a group. Between groups the pistons are unknown.
@@ -16,7 +16,8 @@ Islands that are joined, directly or through others, form a group. Between group
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -31,9 +32,9 @@ from irtscots_cl.maths.integration.node_graph import NodeGraph
 
 JOIN_LIMIT = 0.3  # stated error of a rise between two islands, times the rms of the heights without piston and tilt
 ERROR_DRAWS = 64  # of the joining errors: the stated errors are known to 9 %
-_TRIALS = 48  # gaps of each size that are tried inside the islands
-_FEW = 4  # fewer trials tell no error
-_SHARED = 0.25  # least part of a link's variance that all links between two islands share
+_TRIALS = 256  # of each size of gap, about
+_FEW = 4  # fewer averages of trials tell no error
+_OWN = 0.25  # least part of a rise's variance that does not come from the noise of the slopes
 
 Values = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -160,31 +161,40 @@ def apart(graph: NodeGraph) -> Islands:
     return _islands(graph, number, sizes, np.arange(sizes.size), np.zeros(sizes.size), None)
 
 
-def joined(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values, nodes: Values, noise: float) -> Islands:
-    """Join the islands of a mask by slopes p, q [nodes] and the heights ``nodes`` [nodes] that they gave, in mm.
+def joined(
+    graph: NodeGraph, x: Values, y: Values, p: Values, q: Values, solve: Callable[[Values, Values], Values],
+    noise: float,
+) -> Islands:  # fmt: skip
+    """Join the islands of a mask by slopes p, q [nodes] at x, y [nodes] in mm.
 
-    x, y: [nodes] in mm. noise: standard error of the slopes [rad], or more. The decisions follow from these slopes
-    alone; `with_pistons` applies them to other slopes at the same nodes.
+    solve: heights [maps, nodes] in mm of slopes [maps, nodes], each island with a mean of 0. noise: standard error of
+    the slopes [rad]. The decisions follow from these slopes alone; `with_pistons` applies them to others at the same
+    nodes.
     """
     number = _by_size(graph)
     sizes = np.bincount(number)
     pairs = links(graph, x, y)
     if not pairs.shape[1]:
         return apart(graph)
-    variance = _variances(graph, x, y, p, q, nodes, pairs)
+    nodes = solve(p[None], q[None])[0]
     first, second, between = _between(number, pairs)
-    share = sparse.csr_array((1 / variance, (between, np.arange(variance.size))), shape=(first.size, variance.size))
-    share = sparse.diags_array(1 / np.asarray(share.sum(axis=1)).ravel()).tocsr() @ share
+    variance, share = _variances(graph, x, y, p, q, nodes, pairs, between)
     own = rises(graph, x, y, pairs)
     whole = Rises((share @ own.weight_x).tocsr(), (share @ own.weight_y).tocsr())
-    shared = share @ np.maximum(variance - (noise * own.gain()) ** 2, _SHARED * variance)
-    error = np.sqrt(shared + (noise * whole.gain()) ** 2)
-    ends = np.concatenate([pairs[1], pairs[0]])
-    signs, rows = np.repeat([1.0, -1.0], pairs.shape[1]), np.tile(np.arange(pairs.shape[1]), 2)
-    # a link runs from the island of the lower number: turn those that run the other way
-    steps = share @ sparse.csr_array((signs, (rows, ends)), shape=(pairs.shape[1], x.size))
-    lacking = _Joint(whole, steps.tocsr(), first, second, error, np.zeros(sizes.size, dtype=np.intp))
-    return _decided(graph, x, y, nodes, number, sizes, lacking, lacking.missing(p[None], q[None], nodes[None])[0])
+    ends, rows = np.concatenate([pairs[1], pairs[0]]), np.tile(np.arange(pairs.shape[1]), 2)
+    signs = np.repeat([1.0, -1.0], pairs.shape[1])
+    steps = (share @ sparse.csr_array((signs, (rows, ends)), shape=(pairs.shape[1], x.size))).tocsr()
+    joint = _Joint(whole, steps, first, second, np.sqrt(variance), np.zeros(sizes.size, dtype=np.intp))
+    joint = _decided(joint, x, y, number, sizes, joint.missing(p[None], q[None], nodes[None]), nodes)
+    if not joint.first.size:
+        return apart(graph)
+    random = np.random.default_rng(0)
+    by_noise = noise * random.standard_normal((2, ERROR_DRAWS, x.size))
+    lacking = joint.missing(*by_noise, solve(*by_noise))
+    own_error = np.sqrt(np.maximum(joint.error**2 - (noise * joint.rises.gain()) ** 2, _OWN * joint.error**2))
+    draws = joint.pistons(random.standard_normal((ERROR_DRAWS, own_error.size)) * own_error)
+    error = np.sqrt(np.mean(draws**2 + joint.pistons(lacking) ** 2, axis=0))
+    return _islands(graph, number, sizes, joint.group, error, dataclasses.replace(joint, draws=draws))
 
 
 def with_pistons(islands: Islands, p: Values, q: Values, nodes: Values) -> Values:
@@ -197,30 +207,26 @@ def with_pistons(islands: Islands, p: Values, q: Values, nodes: Values) -> Value
 
 
 def _decided(
-    graph: NodeGraph, x: Values, y: Values, nodes: Values, number: Numbers, sizes: Numbers, joint: _Joint,
-    missing: Values,
-) -> Islands:  # fmt: skip
-    """Drop the pairs of islands with too large an error, until none is left; then the pistons' own errors."""
+    joint: _Joint, x: Values, y: Values, number: Numbers, sizes: Numbers, missing: Values, nodes: Values
+) -> _Joint:
+    """Drop the pairs of islands with too large an error, until none is left; errors grown to fit contradictions.
+
+    missing: [1, pairs]; nodes: heights [nodes] of islands of their own.
+    """
     use = np.isfinite(joint.error)
     while True:
-        kept, lacking = _kept(joint, use, sizes), missing[use]
-        pistons = kept.pistons(lacking[None])[0]
-        heights = _without_tilt(x, y, kept.group[number], nodes + pistons[number])
-        large = use & (joint.error > JOIN_LIMIT * np.sqrt(np.mean(heights**2)))
+        kept, lacking = _kept(joint, use, sizes), missing[:, use]
+        heights = nodes + kept.pistons(lacking)[0, number]
+        rms = np.sqrt(np.mean(_without_tilt(x, y, kept.group[number], heights) ** 2))
+        large = use & (joint.error > JOIN_LIMIT * rms)
         if not large.any():
             break
         use &= ~large
-    if not use.any():
-        return apart(graph)
     loops = int(use.sum()) - kept._free.size
     if loops:
-        # pairs that contradict each other by more than they state
-        worse = np.sqrt(max(1.0, float(np.sum(kept.left(lacking[None]) ** 2)) / loops))
-        kept = _replaced(kept, kept.error * worse)
-    noise = np.random.default_rng(0).standard_normal((ERROR_DRAWS, kept.error.size)) * kept.error
-    draws = kept.pistons(noise)
-    kept = _replaced(kept, kept.error, draws)
-    return _islands(graph, number, sizes, kept.group, np.sqrt(np.mean(draws**2, axis=0)), kept)
+        worse = np.sqrt(max(1.0, float(np.sum(kept.left(lacking) ** 2)) / loops))
+        kept = dataclasses.replace(kept, error=kept.error * worse)
+    return kept
 
 
 def _kept(joint: _Joint, use: NDArray[np.bool_], sizes: Numbers) -> _Joint:
@@ -236,51 +242,85 @@ def _kept(joint: _Joint, use: NDArray[np.bool_], sizes: Numbers) -> _Joint:
     return _Joint(part, joint.steps[which], first, second, joint.error[which], rank[group])
 
 
-def _replaced(joint: _Joint, error: Values, draws: Values | None = None) -> _Joint:
-    none = np.zeros((0, 0)) if draws is None else draws
-    return _Joint(joint.rises, joint.steps, joint.first, joint.second, error, joint.group, none)
+def _variances(
+    graph: NodeGraph, x: Values, y: Values, p: Values, q: Values, nodes: Values, pairs: Numbers, between: Numbers
+) -> tuple[Values, sparse.csr_array]:
+    """Variance [pairs of islands] in mm^2 of the mean rises, and the share [pairs of islands, links] of each link.
 
-
-def _variances(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values, nodes: Values, pairs: Numbers) -> Values:
-    """Variance [links] in mm^2 of the rises along the links, from trials across equal gaps inside islands."""
+    Links of one size between the same islands have equal shares. Sizes share by their variances; their errors are taken
+    to be the same one.
+    """
     row, column = np.nonzero(graph.mask)
     step = np.stack([row[pairs[1]] - row[pairs[0]], column[pairs[1]] - column[pairs[0]]])
+    step *= np.where((step[0] < 0) | ((step[0] == 0) & (step[1] < 0)), -1, 1)  # a gap has no direction
     sizes, kind = np.unique(step, axis=1, return_inverse=True)
     kind = kind.ravel()
     length = np.hypot(*(v[pairs[1]] - v[pairs[0]] for v in (x, y)))
     lengths = np.bincount(kind, length) / np.bincount(kind)
-    tried = [_trials(graph, int(rows), int(columns)) for rows, columns in sizes.T]
-    both = np.concatenate([*tried, np.zeros((2, 0), dtype=np.intp)], axis=1)
-    error = rises(graph, x, y, both, open_slab=True).of(p[None], q[None])[0] - (nodes[both[1]] - nodes[both[0]])
-    found = np.full(lengths.size, np.nan)
-    for k, part in enumerate(np.split(error, np.cumsum([t.shape[1] for t in tried])[:-1])):
-        if part.size >= _FEW:
-            found[k] = np.mean(part**2) * (1 + 2 / part.size)
-    known = np.flatnonzero(~np.isnan(found))
+    (pair, size), unit, count = np.unique(np.stack([between, kind]), axis=1, return_inverse=True, return_counts=True)
+    errors = _trial_errors(graph, x, y, p, q, nodes, sizes)
+    variance = np.array([_of_averages(errors[k], n) for k, n in zip(size, count, strict=True)])
+    plain = np.array([_of_averages(error, 1) for error in errors])
+    known = np.flatnonzero(~np.isnan(plain))
+    differ = np.zeros(1)
     if not known.size:
         differ = (rises(graph, x, y, pairs).of(p[None], q[None]) - trapezoids(x, y, pairs).of(p[None], q[None]))[0]
-        found[:] = np.bincount(kind, differ**2) / np.bincount(kind)
-    else:
-        for k in np.flatnonzero(np.isnan(found)):
-            near = known[np.argmin(np.abs(lengths[known] - lengths[k]))]
-            found[k] = found[near] * max(1.0, lengths[k] / lengths[near]) ** 10
-    scale = float(np.max(np.abs(nodes), initial=0.0))
-    return np.maximum(found, (np.finfo(float).eps * scale) ** 2 + np.finfo(float).tiny)[kind]
+    for k in np.flatnonzero(np.isnan(variance)):
+        if known.size:
+            near = known[np.argmin(np.abs(lengths[known] - lengths[size[k]]))]
+            variance[k] = plain[near] * max(1.0, lengths[size[k]] / lengths[near]) ** 10
+        else:
+            variance[k] = np.mean(differ**2)
+    rounding = np.finfo(float).eps * float(np.max(np.abs(nodes), initial=0.0))
+    variance = np.maximum(variance, rounding**2 + np.finfo(float).tiny)
+    total = np.bincount(pair, 1 / variance)
+    share = sparse.csr_array((1 / (variance * total[pair] * count), (pair, np.arange(count.size))))
+    share = share @ sparse.csr_array((np.ones(kind.size), (unit.ravel(), np.arange(kind.size))))
+    return (np.bincount(pair, 1 / np.sqrt(variance)) / total) ** 2, share.tocsr()
 
 
-def _trials(graph: NodeGraph, rows: int, columns: int) -> Numbers:
-    """Up to _TRIALS pairs of nodes [2, trials] of one island that lie so many rows and columns apart."""
+def _trial_errors(
+    graph: NodeGraph, x: Values, y: Values, p: Values, q: Values, nodes: Values, sizes: Numbers
+) -> list[list[Values]]:
+    """For each size [2, sizes] of a gap, the errors in mm of trials inside islands, those of one gap side by side."""
+    trials = [_trials(graph, int(rows), int(columns)) for rows, columns in sizes.T]
+    pairs = np.concatenate([np.zeros((2, 0), dtype=np.intp), *(gap for gaps in trials for gap in gaps)], axis=1)
+    error = rises(graph, x, y, pairs, open_slab=True).of(p[None], q[None])[0] - (nodes[pairs[1]] - nodes[pairs[0]])
+    parts = iter(np.split(error, np.cumsum([gap.shape[1] for gaps in trials for gap in gaps])))
+    return [[next(parts) for _ in gaps] for gaps in trials]
+
+
+def _of_averages(errors: list[Values], count: int) -> float:
+    """Mean square of averages of ``count`` errors side by side, or of the most that can be had; NaN without."""
+    while count:
+        means = [e[: e.size // count * count].reshape(-1, count).mean(axis=1) for e in errors if e.size >= count]
+        averages = np.concatenate([np.zeros(0), *means])
+        if averages.size >= _FEW:
+            return float(np.mean(averages**2) * (1 + 2 / averages.size))
+        count //= 2
+    return float("nan")
+
+
+def _trials(graph: NodeGraph, rows: int, columns: int) -> list[Numbers]:
+    """Gaps inside islands: for each, the nodes [2, trials] on both sides, so many rows and columns apart."""
     number = np.full(graph.mask.shape, -1)
     number[graph.mask] = np.arange(graph.islands.size)
     if abs(rows) >= number.shape[0] or abs(columns) >= number.shape[1]:
-        return np.zeros((2, 0), dtype=np.intp)
+        return []
     i = number[_cut(-rows), _cut(-columns)].ravel()
     j = number[_cut(rows), _cut(columns)].ravel()
     there = np.flatnonzero((i >= 0) & (j >= 0))
     there = there[graph.islands[i[there]] == graph.islands[j[there]]]
-    if there.size > _TRIALS:
-        there = there[np.linspace(0, there.size - 1, _TRIALS).round().astype(int)]
-    return np.stack([i[there], j[there]])
+    pairs = np.stack([i[there], j[there]])
+    row, column = np.nonzero(graph.mask)
+    across, along = (a * row[pairs[0]] + b * column[pairs[0]] for a, b in ((rows, columns), (columns, -rows)))
+    order = np.lexsort((along, across))
+    gaps = np.split(pairs[:, order], np.flatnonzero(np.diff(across[order])) + 1, axis=1)
+    # evenly spread gaps with about _TRIALS trials in all
+    wanted = max(_FEW, len(gaps) * _TRIALS // max(pairs.shape[1], 1))
+    if pairs.shape[1] > _TRIALS and wanted < len(gaps):
+        gaps = [gaps[k] for k in np.linspace(0, len(gaps) - 1, wanted).round().astype(int)]
+    return gaps
 
 
 def _cut(shift: int) -> slice:

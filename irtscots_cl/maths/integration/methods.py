@@ -72,16 +72,19 @@ def integrate(
     x, y = graph.values("x_mm", x_mm)[0], graph.values("y_mm", y_mm)[0]
     lead = np.shape(slope_x)[:-2]
     p, q = graph.values("slope_x", slope_x, lead), graph.values("slope_y", slope_y, lead)
-    if method in _RISES:
-        nodes = graph.heights(_RISES[method](graph, x, y, p, q))
-    else:
-        nodes = modal_heights(graph, x, y, p, q)
+
+    def solve(p: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
+        if method in _RISES:
+            return graph.heights(_RISES[method](graph, x, y, p, q))
+        return modal_heights(graph, x, y, p, q)
+
+    nodes = solve(p, q)
     if isinstance(join, Islands):
         if not np.array_equal(join.mask, graph.mask):
             raise ValueError("join: the islands are those of another mask")
         islands = join
     elif join and graph.islands.any() and len(p):
-        islands = joined(graph, x, y, p[0], q[0], nodes[0], slope_noise(graph, x, y, p[:1], q[:1]))
+        islands = joined(graph, x, y, p[0], q[0], solve, slope_noise(graph, x, y, p[:1], q[:1]))
     else:
         islands = apart(graph)
     nodes = with_pistons(islands, p, q, nodes)
