@@ -121,6 +121,21 @@ def add_measure(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_zernike(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--zernike",
+        metavar="Z",
+        default="circular",
+        help="Zernike terms of the table: circular (on the disk; default) or annular (on the ring around the mirror's "
+        "central hole, where terms of the disk resemble each other)",
+    )
+
+
+def print_warnings(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(f"irtscots: warning: {line}", file=sys.stderr)
+
+
 def print_tables(tables) -> None:
     from rich import box
     from rich.console import Console

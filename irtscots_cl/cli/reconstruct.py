@@ -6,7 +6,15 @@ import argparse
 import math
 from pathlib import Path
 
-from irtscots_cl.cli.common import DEFAULTS, add_measure, command, print_json, print_tables
+from irtscots_cl.cli.common import (
+    DEFAULTS,
+    add_measure,
+    add_zernike,
+    command,
+    print_json,
+    print_tables,
+    print_warnings,
+)
 from irtscots_cl.scene.presets import load_scene
 
 
@@ -49,6 +57,7 @@ def add(commands) -> None:
         "default: none is",
     )
     add_measure(parser)
+    add_zernike(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:
@@ -56,23 +65,26 @@ def _execute(options: argparse.Namespace) -> int:
         raise ValueError(f"--threshold = {options.threshold}: must be at least 0 and below 1")
     scene = load_scene(options.scene)
     from irtscots_cl.imaging.image_files import read_images
+    from irtscots_cl.measurement.coefficients import check_kind
     from irtscots_cl.measurement.methods import check_measure
     from irtscots_cl.pipeline.measure import measure
-    from irtscots_cl.system.atomic_files import check_output_folder
+    from irtscots_cl.system.atomic_files import check_output_folder, plain
 
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder)
     how = options.measure or DEFAULTS["measure"]
     check_measure(how, options.threshold)
+    check_kind(options.zernike)
     if (folder / "result.h5").resolve() == options.images.resolve():
         raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
     images = read_images(options.images).saturating_at(options.saturation)
-    facts = measure(images, scene.nominal(), folder, options.threshold, how)
+    facts = measure(images, scene.nominal(), folder, options.threshold, how, options.zernike)
+    print_warnings(facts["warnings"])
     if options.json:
-        print_json(facts)
+        print_json(plain(facts))
     else:
-        from irtscots_cl.report.tables import measured_table
+        from irtscots_cl.report.tables import measured_tables
 
-        print_tables([measured_table(facts)])
+        print_tables(measured_tables(facts))
         print(f"results in {folder}")
     return 0

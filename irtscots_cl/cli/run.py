@@ -17,10 +17,12 @@ from irtscots_cl.cli.common import (
     add_path_choices,
     add_scene,
     add_trace_choices,
+    add_zernike,
     choices,
     command,
     print_json,
     print_tables,
+    print_warnings,
     site_arguments,
     visible_setup,
 )
@@ -44,6 +46,7 @@ def add(commands) -> None:
     add_trace_choices(parser, DEVICES_HELP)
     parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
     add_measure(parser)
+    add_zernike(parser)
     parser.add_argument(
         "--rays-per-pixel",
         type=int,
@@ -113,6 +116,7 @@ def _execute(options: argparse.Namespace) -> int:
             run = _reach(setup, options, given)
         write_run(run, folder)
         keeper.remove()
+    print_warnings(run.report["warnings"])
     if options.json:
         from irtscots_cl.system.atomic_files import plain
 
@@ -128,12 +132,14 @@ def _execute(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace, wanted: dict) -> None:
     """Raise ValueError for options that are out of range or do not fit together."""
     from irtscots_cl.execution.launch_plan import share_rays
+    from irtscots_cl.measurement.coefficients import check_kind
     from irtscots_cl.measurement.methods import check_measure
     from irtscots_cl.tracing.options import TraceOptions
 
     names = ("estimator", "sampler", "precision", "aim", "overfill", "smoothing", *PATH_CHOICES)
     TraceOptions(**{name: wanted[name] for name in names if name in wanted}, seed=options.seed)
     check_measure(wanted["measure"])
+    check_kind(options.zernike)
     share_rays(wanted["rays_per_pixel"], wanted["replicates"])
     if options.max_seconds is not None and not 0 < options.max_seconds < math.inf:
         raise ValueError(f"--max-seconds = {options.max_seconds}: must be above 0 and finite")
@@ -182,7 +188,7 @@ def _simulate(setup, options: argparse.Namespace, given: dict, keeper):
         words = partial(outlook, measure=wanted["measure"], nominal=setup.nominal)
         with Progress(quiet=options.quiet, estimate=words) as progress:
             return simulate(setup, progress=progress, finished=progress.finished, seed=options.seed,
-                            parts=options.parts, keeper=keeper, **where, **wanted)  # fmt: skip
+                            parts=options.parts, zernike=options.zernike, keeper=keeper, **where, **wanted)  # fmt: skip
 
 
 def _reach(setup, options: argparse.Namespace, given: dict):
@@ -193,4 +199,4 @@ def _reach(setup, options: argparse.Namespace, given: dict):
     device = select_device(options.device)
     with Progress(quiet=options.quiet) as progress:
         return run_to_target(setup, options.target_nm, device=device, seed=options.seed, parts=options.parts,
-                     progress=progress, **given)  # fmt: skip
+                     zernike=options.zernike, progress=progress, **given)  # fmt: skip

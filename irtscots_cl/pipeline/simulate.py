@@ -42,6 +42,7 @@ def simulate(
     scene: Scene | Setup,
     *,
     measure: str = "paper",
+    zernike: str = "circular",
     parts: bool = False,
     device: Device | Sequence[Device] | None = None,
     client=None,
@@ -50,7 +51,8 @@ def simulate(
 ) -> Run:
     """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
 
-    scene: a scene, or a Setup of it. measure: a name of methods.MEASURES. parts: also separate the height error into
+    scene: a scene, or a Setup of it. measure: a name of methods.MEASURES. zernike: kind of the terms that
+    are fitted, of coefficients.KINDS. parts: also separate the height error into
     its terms; float rounding is separated on the first device, not with a client. device, client, progress,
     trace_options: as of `trace`. Raises as `trace` and `measure_by` do.
     """
@@ -62,7 +64,7 @@ def simulate(
     stack = transport.images(LineScan(scene))
     result = measure_by(measure, stack, setup.nominal)
     measured = time.perf_counter()
-    comparison, predicted = compare(result, scene), predict_error(result, stack)
+    comparison, predicted = compare(result, scene, zernike), predict_error(result, stack)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
     separated = error_terms(result, setup, measure, transport.options, device) if parts else ()
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)

@@ -10,6 +10,7 @@ from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.analysis.stray_light import StrayLight
 from irtscots_cl.measurement.prediction import PredictedError
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.report.quality import fit_facts, island_facts, misfit_facts, quality_warnings
 from irtscots_cl.report.tables import as_xy, error_term_facts
 from irtscots_cl.report.types import (
     AlongAxes,
@@ -39,6 +40,8 @@ def build_report(
     """The contents of report.json. measure: name of the measurement method. parts: terms of the height
     error, may be empty. seconds: build, trace, reconstruct, total."""
     slopes, heights = comparison.slope_error_urad, comparison.height_error_nm
+    islands, misfit = island_facts(result, comparison.error_mm), misfit_facts(result.misfit())
+    fit = fit_facts(comparison.zernike_fit)
     return {
         "scene": transport.scene.name,
         "device": cast("DeviceFacts", transport.device),
@@ -80,9 +83,15 @@ def build_report(
                 "input_um": row.input_um,
                 "output_um": row.output_um,
                 "standard_error_um": row.standard_error_um,
+                "expected_um": row.expected_um,
+                "inflation": row.inflation,
             }
             for row in comparison.zernike
         ],
+        "zernike_fit": fit,
+        "islands": islands,
+        "integration_misfit": misfit,
+        "warnings": quality_warnings(islands, misfit, fit, transport.scene.mirror.obscuration_mm > 0),
     }
 
 

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
+from irtscots_cl.maths.integration import separate_islands
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.system.atomic_files import replacing
@@ -16,6 +17,7 @@ from irtscots_cl.system.atomic_files import replacing
 def write_result(path: Path, stack: ImageStack, result: Reconstruction, attributes: dict[str, str]) -> None:
     """Write result.h5: images [lines, rows, columns] in W with standard errors, lines, mirror points, mask, centroids,
     slopes and height. attributes: of the file (scene as TOML, seed, device, versions)."""
+    islands = result.islands or separate_islands(result.mask)
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         for key, value in attributes.items():
             file.attrs[key] = value
@@ -28,6 +30,8 @@ def write_result(path: Path, stack: ImageStack, result: Reconstruction, attribut
             ("mirror/x_mm", result.x_mm, "mm"),
             ("mirror/y_mm", result.y_mm, "mm"),
             ("mask", result.mask, "1"),
+            ("islands", islands.label, "1"),
+            ("island_groups", islands.group_map, "1"),
             ("flags", result.flags, "1"),
             ("centroid/x_mm", result.centroid_x_mm, "mm"),
             ("centroid/y_mm", result.centroid_y_mm, "mm"),

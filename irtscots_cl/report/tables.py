@@ -9,7 +9,19 @@ from typing import cast
 
 from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.maths.statistics import Estimate
-from irtscots_cl.report.types import AlongAxes, ErrorPart, MeasuredFacts, PathReport, Refused, Report, Target
+from irtscots_cl.report.types import (
+    AlongAxes,
+    ErrorPart,
+    IslandReport,
+    MeasuredFacts,
+    MisfitFacts,
+    PathReport,
+    Refused,
+    Report,
+    Target,
+    ZernikeFacts,
+    ZernikeFitFacts,
+)
 
 
 @dataclass(frozen=True)
@@ -58,30 +70,62 @@ def as_xy(values: tuple[float, float]) -> AlongAxes:
 
 
 def summary_tables(report: Report) -> list[Table]:
-    """The short tables of a run: speed, errors and their predictions, Zernike coefficients of the scene."""
+    """The short tables of a run: speed, errors and their predictions, islands, Zernike coefficients of the scene."""
     tables = [_run_table(report), _error_table(report)]
     if report["error_parts"]:
         tables.append(_parts_table(report))
     if "target" in report:
         tables.insert(0, _target_table(report["target"]))
+    tables += island_tables(report["islands"])
     rows = [row for row in report["zernike"] if row["input_um"] != 0]
     if rows:
-        tables.append(
-            Table(
-                "Zernike coefficients (Noll)",
-                ("term", "in [um]", "out [um]", "difference [nm]"),
-                [
-                    (
-                        str(row["noll"]),
-                        f"{row['input_um']:.4f}",
-                        str(Estimate(row["output_um"], row["standard_error_um"])),
-                        f"{(row['output_um'] - row['input_um']) * 1e3:+.2f}",
-                    )
-                    for row in rows
-                ],
-            )
-        )
+        tables.append(_zernike_table(rows, report["zernike_fit"]))
     return tables
+
+
+def _zernike_table(rows: list[ZernikeFacts], fit: ZernikeFitFacts) -> Table:
+    """in: of the scene; of it: what the fit over the pixels gives for the true mirror, where that differs."""
+    if fit["kind"] == "annular":
+        rows = [row for row in rows if abs(row["input_um"]) >= 1e-4 or row["noll"] <= 4]
+    differs = any(abs(row["expected_um"] - row["input_um"]) >= 1e-4 for row in rows if row["noll"] > 1)
+    head = ("term", "in [um]", *(["of it over the pixels [um]"] if differs else []), "out [um]", "difference [nm]")
+    shown = []
+    for row in rows:
+        known = math.isfinite(row["output_um"])
+        over = [f"{row['expected_um']:.4f}" if known else "-"] if differs else []
+        out = str(Estimate(row["output_um"], row["standard_error_um"])) if known else "not separable"
+        difference = f"{(row['output_um'] - row['expected_um']) * 1e3:+.2f}" if known else "-"
+        shown.append((str(row["noll"]), f"{row['input_um']:.4f}", *over, out, difference))
+    return Table(_zernike_title(fit), head, shown)
+
+
+def _zernike_title(fit: ZernikeFitFacts) -> str:
+    kind = f"annular, hole {fit['obscuration_ratio']:.3g}" if fit["kind"] == "annular" else "Noll"
+    return f"Zernike coefficients ({kind}); condition {fit['condition']:.3g}"
+
+
+def island_tables(islands: IslandReport) -> list[Table]:
+    """A table of the islands, none where the mask is one."""
+    if islands["count"] == 1:
+        return []
+    rows = [
+        (str(k), f"{i['pixels']:,}", str(i["group"]),
+         f"{i['piston_standard_error_nm']:.2g}" if i["piston_known"] else "unknown", f"{i['nm_rms']:.4g}")
+        for k, i in enumerate(islands["largest"], 1)
+    ]  # fmt: skip
+    title = (
+        f"{islands['count']} islands in {islands['groups']} joined group{'s' * (islands['groups'] > 1)}; heights over "
+        f"{islands['pixels_in_heights']:,} pixels; {islands['own_pistons_nm_rms']:.4g} nm rms with own pistons"
+    )
+    head = ("island", "pixels", "group", "piston, standard error [nm]", "own rms [nm]")
+    return [Table(title, head, rows)]
+
+
+def misfit_text(misfit: MisfitFacts) -> str:
+    """The misfit of integration beside noise and limit."""
+    noise = misfit["noise_urad_rms"]
+    of_noise = f"noise {noise:.3g}, " if math.isfinite(noise) else ""
+    return f"{_shown(misfit['urad_rms'])} urad ({of_noise}limit {_shown(misfit['limit_urad_rms'])})"
 
 
 def _run_table(report: Report) -> Table:
@@ -98,6 +142,7 @@ def _run_table(report: Report) -> Table:
             ("seconds", ", ".join(f"{name} {value:.2f}" for name, value in seconds.items())),
             ("ledger", fates),
             ("pixels used", pixels_text(report["pixels_used"], refused)),
+            ("slopes of no surface", misfit_text(report["integration_misfit"])),
         ],
     )
 
@@ -107,6 +152,21 @@ def measured_table(facts: MeasuredFacts) -> Table:
     rows = [("pixels used", pixels_text(facts["pixels_used"], facts["light_curves_refused"]))]
     rows += [(f"without {terms.replace('_', ', ')} [nm]", f"{v:.4g}") for terms, v in facts["deviation_nm_rms"].items()]
     return Table("Deviation from the design, rms", ("", ""), rows)
+
+
+def measured_tables(facts: MeasuredFacts) -> list[Table]:
+    """All tables of a lab's images: deviation, islands, Zernike coefficients."""
+    table = measured_table(facts)
+    misfit = ("slopes of no surface", misfit_text(facts["integration_misfit"]))
+    fit = facts["zernike_fit"]
+    errors = {"replicates": "", "misfit": ", standard errors from the misfit of the slopes", "none": ""}
+    rows = [(str(t["noll"]), str(Estimate(t["output_um"], t["standard_error_um"]))) for t in facts["zernike"]]
+    title = _zernike_title(fit) + errors[fit["standard_errors_from"]]
+    return [
+        Table(table.title, table.head, [*table.rows, misfit]),
+        *island_tables(facts["islands"]),
+        Table(title, ("term", "[um]"), rows),
+    ]
 
 
 def pixels_text(used: int, refused: Refused) -> str:

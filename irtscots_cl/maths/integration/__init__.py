@@ -14,9 +14,9 @@ a group of joined islands is free, and is set so that its mean height is 0. Meth
 docs/accuracy.md has the errors of each.
 """
 
-from irtscots_cl.maths.integration.islands import Islands
+from irtscots_cl.maths.integration.islands import Islands, separate_islands
 from irtscots_cl.maths.integration.methods import METHODS, Integration, integrate, integrate_slopes
-from irtscots_cl.maths.integration.misfit import Misfit, integration_misfit
+from irtscots_cl.maths.integration.misfit import Misfit, integration_misfit, white_noise
 from irtscots_cl.maths.integration.noise_gain import NoiseGain, noise_gain
 
 __all__ = [
@@ -29,4 +29,6 @@ __all__ = [
     "integrate_slopes",
     "integration_misfit",
     "noise_gain",
+    "separate_islands",
+    "white_noise",
 ]

@@ -24,7 +24,8 @@ NEAR = 12  # nodes next to each end of a link
 _DETOUR = 2.0  # links longer than this times the longest step of a way round over shorter links are left out
 _DEGREES = (4, 3, 2)  # of the polynomials: the highest that the nodes determine
 _CUT = 1e-12  # squared singular values below this part of the largest count as zero
-_EXACT = 1e-8  # relative: how well the weights must reproduce the polynomials' rises
+_EXACT = 1e-12  # relative: how well the weights must reproduce the polynomials' rises
+_EDGE = 1e-8  # of a gap: nodes so near to its edges lie outside
 _BLOCK = 4096  # links at a time: 60 MB
 
 Values = NDArray[np.float64]
@@ -138,7 +139,7 @@ def _near(tree: KDTree, x: Values, y: Values, end: Numbers, other: Numbers, open
         step_x, step_y = x[other] - x[end], y[other] - y[end]
         along = (x[nodes] - x[end][:, None]) * step_x[:, None] + (y[nodes] - y[end][:, None]) * step_y[:, None]
         along /= np.maximum(step_x**2 + step_y**2, np.finfo(float).tiny)[:, None]
-        out |= (along > _EXACT) & (along < 1 - _EXACT)
+        out |= (along > _EDGE) & (along < 1 - _EDGE)
     nodes = np.take_along_axis(np.where(out, end[:, None], nodes), np.argsort(out, axis=1, kind="stable"), axis=1)
     found: Numbers = np.concatenate([end[:, None], nodes, np.repeat(end[:, None], NEAR, axis=1)], axis=1)[:, :NEAR]
     return found

@@ -1,7 +1,7 @@
 """Joining of islands: the pistons of parts of a mask that no unbroken row or column connects.
 
-Slopes alone do not tell the height between islands. The deviation of a mirror from its design is smooth over the mirror,
-though: where a gap is small against its correlation length, the slopes on both sides predict the rise across the gap
+Slopes alone do not tell the height between islands. But the deviation of a mirror from its design is smooth over the
+mirror: where a gap is small against its correlation length, the slopes on both sides predict the rise across the gap
 (bridges.py). Least squares over all gaps give every island's piston.
 
 How well a rise is predicted is measured: the same rule is tried across gaps of the same size inside the islands, where
@@ -22,18 +22,19 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from irtscots_cl.maths.integration.bridges import Rises, links, rises, trapezoids
-from irtscots_cl.maths.integration.node_graph import NodeGraph
+from irtscots_cl.maths.integration.node_graph import NodeGraph, node_graph
 
 JOIN_LIMIT = 0.3  # stated error of a rise between two islands, times the rms of the heights without piston and tilt
 ERROR_DRAWS = 64  # of the joining errors: the stated errors are known to 9 %
 _TRIALS = 256  # of each size of gap, about
 _FEW = 4  # fewer averages of trials tell no error
+_ROUNDING = 1e-9  # stated errors below this part of the largest height are none: a flat mirror has no rms
 _OWN = 0.25  # least part of a rise's variance that does not come from the noise of the slopes
 
 Values = NDArray[np.float64]
@@ -154,6 +155,11 @@ class _Joint:
         return residuals
 
 
+def separate_islands(mask: ArrayLike) -> Islands:
+    """The islands of a mask, bool [rows, columns], none joined. Raises ValueError as `node_graph`."""
+    return apart(node_graph(mask))
+
+
 def apart(graph: NodeGraph) -> Islands:
     """The islands of a mask, none joined."""
     number = _by_size(graph)
@@ -189,8 +195,8 @@ def joined(
     if not joint.first.size:
         return apart(graph)
     random = np.random.default_rng(0)
-    by_noise = noise * random.standard_normal((2, ERROR_DRAWS, x.size))
-    lacking = joint.missing(*by_noise, solve(*by_noise))
+    noise_p, noise_q = noise * random.standard_normal((2, ERROR_DRAWS, x.size))
+    lacking = joint.missing(noise_p, noise_q, solve(noise_p, noise_q))
     own_error = np.sqrt(np.maximum(joint.error**2 - (noise * joint.rises.gain()) ** 2, _OWN * joint.error**2))
     draws = joint.pistons(random.standard_normal((ERROR_DRAWS, own_error.size)) * own_error)
     error = np.sqrt(np.mean(draws**2 + joint.pistons(lacking) ** 2, axis=0))
@@ -218,7 +224,7 @@ def _decided(
         kept, lacking = _kept(joint, use, sizes), missing[:, use]
         heights = nodes + kept.pistons(lacking)[0, number]
         rms = np.sqrt(np.mean(_without_tilt(x, y, kept.group[number], heights) ** 2))
-        large = use & (joint.error > JOIN_LIMIT * rms)
+        large = use & (joint.error > max(JOIN_LIMIT * rms, _ROUNDING * np.abs(nodes).max()))
         if not large.any():
             break
         use &= ~large
@@ -284,7 +290,8 @@ def _trial_errors(
 ) -> list[list[Values]]:
     """For each size [2, sizes] of a gap, the errors in mm of trials inside islands, those of one gap side by side."""
     trials = [_trials(graph, int(rows), int(columns)) for rows, columns in sizes.T]
-    pairs = np.concatenate([np.zeros((2, 0), dtype=np.intp), *(gap for gaps in trials for gap in gaps)], axis=1)
+    none: Numbers = np.zeros((2, 0), dtype=np.intp)
+    pairs = np.concatenate([none, *(gap for gaps in trials for gap in gaps)], axis=1)
     error = rises(graph, x, y, pairs, open_slab=True).of(p[None], q[None])[0] - (nodes[pairs[1]] - nodes[pairs[0]])
     parts = iter(np.split(error, np.cumsum([gap.shape[1] for gaps in trials for gap in gaps])))
     return [[next(parts) for _ in gaps] for gaps in trials]
@@ -303,7 +310,7 @@ def _of_averages(errors: list[Values], count: int) -> float:
 
 def _trials(graph: NodeGraph, rows: int, columns: int) -> list[Numbers]:
     """Gaps inside islands: for each, the nodes [2, trials] on both sides, so many rows and columns apart."""
-    number = np.full(graph.mask.shape, -1)
+    number: Numbers = np.full(graph.mask.shape, -1, dtype=np.intp)
     number[graph.mask] = np.arange(graph.islands.size)
     if abs(rows) >= number.shape[0] or abs(columns) >= number.shape[1]:
         return []

@@ -37,10 +37,14 @@ class Misfit:
     rms_slope: float
 
     @property
+    def limit(self) -> float:
+        """Largest misfit [rad] that noise or the pixels explain: NOISE_LIMIT x expected or SHARE_LIMIT x rms_slope."""
+        return max(0.0 if np.isnan(self.expected) else NOISE_LIMIT * self.expected, SHARE_LIMIT * self.rms_slope)
+
+    @property
     def suspicious(self) -> bool:
-        """Whether the misfit is above both NOISE_LIMIT x expected (where known) and SHARE_LIMIT x rms_slope."""
-        noise = 0.0 if np.isnan(self.expected) else NOISE_LIMIT * self.expected
-        return bool(self.slope > max(noise, SHARE_LIMIT * self.rms_slope))
+        """Whether the misfit is above its limit."""
+        return bool(self.slope > self.limit)
 
 
 def integration_misfit(
@@ -69,11 +73,17 @@ def integration_misfit(
     return Misfit(_misfit(graph, x, y, p, q), expected, rms_slope)
 
 
-def slope_noise(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -> float:
-    """Standard error [rad] of slopes p, q [maps, nodes] if white noise alone makes their misfit; 0 without a loop.
+def white_noise(misfit: Misfit, x_mm: ArrayLike, y_mm: ArrayLike, mask: ArrayLike) -> float:
+    """Standard error [rad] of slopes whose white noise alone would leave this misfit; NaN for a mask without a loop.
 
-    Other faults with a misfit make it larger.
+    An upper bound of the noise where other faults leave a misfit too.
     """
+    one = np.ones(np.shape(mask))
+    return misfit.slope / integration_misfit(x_mm, y_mm, one, one, mask, one, one).expected
+
+
+def slope_noise(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -> float:
+    """As `white_noise`, of slopes p, q [maps, nodes] on a graph; 0 without a loop."""
     found = _misfit(graph, x, y, p, q)
     if np.isnan(found) or found == 0:
         return 0.0

@@ -28,7 +28,8 @@ def noise_gain(
     """Noise gain of ``method`` on these nodes, from ``draws`` maps of Gaussian noise.
 
     The noise of dz/dx and dz/dy is independent, also between nodes, and 1 urad rms each. Piston and tilt are removed
-    once over all nodes of the mask, not for each island; islands are not joined. x_mm, y_mm, mask: [rows, columns], see `integrate_slopes`.
+    once over all nodes of the mask, not for each island; islands are not joined. x_mm, y_mm, mask: [rows, columns], see
+    `integrate_slopes`.
 
     Raises ValueError for fewer than 2 draws or 3 nodes, and the errors of `integrate_slopes`.
     """
