@@ -23,7 +23,7 @@ from irtscots_cl.maths.integration.node_graph import NodeGraph
 NEAR = 12  # nodes next to each end of a link
 _DETOUR = 2.0  # links longer than this times the longest step of a way round over shorter links are left out
 _DEGREES = (4, 3, 2)  # of the polynomials: the highest that the nodes determine
-_CUT = 1e-12  # squared singular values below this part of the largest count as zero
+_CUT = 1e-10  # squared singular values below this part of the largest count as zero
 _EXACT = 1e-12  # relative: how well the weights must reproduce the polynomials' rises
 _EDGE = 1e-8  # of a gap: nodes so near to its edges lie outside
 _BLOCK = 4096  # links at a time: 60 MB
@@ -163,7 +163,7 @@ def _polynomial(u: Values, v: Values, half_x: Values, half_y: Values, degree: in
     value, vector = np.linalg.eigh(np.swapaxes(gradients, 1, 2) @ gradients)
     inverse = np.where(value > _CUT * value[:, -1:], 1 / np.where(value > 0, value, 1.0), 0.0)
     weights, left = np.zeros(gradients.shape[:2]), rise
-    for _ in range(2):  # the second step removes the rounding of the normal equations
+    for _ in range(3):  # further steps remove the rounding of the normal equations
         solved = np.einsum("nij,nj,nkj,nk->ni", vector, inverse, vector, left, optimize=True)
         weights += np.einsum("nij,nj->ni", gradients, solved)
         left = rise - np.einsum("nij,ni->nj", gradients, weights)

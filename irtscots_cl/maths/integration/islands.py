@@ -277,7 +277,8 @@ def _variances(
             variance[k] = plain[near] * max(1.0, lengths[size[k]] / lengths[near]) ** 10
         else:
             variance[k] = np.mean(differ**2)
-    rounding = np.finfo(float).eps * float(np.max(np.abs(nodes), initial=0.0))
+    # without noise some errors are but rounding: weights that differ by too much would spoil the least squares
+    rounding = _ROUNDING / 1e3 * float(np.max(np.abs(nodes), initial=0.0))
     variance = np.maximum(variance, rounding**2 + np.finfo(float).tiny)
     total = np.bincount(pair, 1 / variance)
     share = sparse.csr_array((1 / (variance * total[pair] * count), (pair, np.arange(count.size))))

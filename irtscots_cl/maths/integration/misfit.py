@@ -17,7 +17,9 @@ from irtscots_cl.maths.integration.node_graph import NodeGraph, node_graph
 from irtscots_cl.maths.integration.zonal_rules import cubic_rises
 
 NOISE_LIMIT = 1.5  # times the misfit that the noise of the slopes leaves
-SHARE_LIMIT = 0.05  # of the rms slope: pixels and edges leave up to half of that without noise
+SHARE_LIMIT = 0.01  # of the rms slope: pixels, edges and lines of a screen leave up to half of that without noise
+UNKNOWN_NOISE_SHARE = 0.1  # of the rms slope where the noise is not known
+LEAST_LIMIT = 0.05e-6  # rad: what cannot matter, on a mirror that has no deviation
 DRAWS = 16  # maps of noise: of some thousand loops each, so that their mean is known to a percent
 
 Values = NDArray[np.float64]
@@ -38,8 +40,14 @@ class Misfit:
 
     @property
     def limit(self) -> float:
-        """Largest misfit [rad] that noise or the pixels explain: NOISE_LIMIT x expected or SHARE_LIMIT x rms_slope."""
-        return max(0.0 if np.isnan(self.expected) else NOISE_LIMIT * self.expected, SHARE_LIMIT * self.rms_slope)
+        """Largest misfit [rad] that noise or the pixels explain.
+
+        The largest of NOISE_LIMIT x expected, SHARE_LIMIT x rms_slope and LEAST_LIMIT; UNKNOWN_NOISE_SHARE x rms_slope
+        or LEAST_LIMIT where the noise is unknown.
+        """
+        if np.isnan(self.expected):
+            return max(UNKNOWN_NOISE_SHARE * self.rms_slope, LEAST_LIMIT)
+        return max(NOISE_LIMIT * self.expected, SHARE_LIMIT * self.rms_slope, LEAST_LIMIT)
 
     @property
     def suspicious(self) -> bool:
