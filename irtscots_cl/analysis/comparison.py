@@ -109,7 +109,7 @@ def _estimate(values: list[float]) -> Estimate:
 def _zernike_rows(
     result: Reconstruction, scene: Scene, kind: str, truth_mm: FloatArray
 ) -> tuple[tuple[ZernikeRow, ...], Coefficients]:
-    """Noll terms 1 to FITTED_NOLL and all of the scene's, fitted together by least squares over the heights' mask."""
+    """Noll terms 1 to FITTED_NOLL and all of the scene's, fitted together by least squares over the mask."""
     given: dict[int, float] = {}
     for terms in scene.mirror.zernike:
         for index, value in terms.coefficients_um.items():
@@ -117,9 +117,9 @@ def _zernike_rows(
             given[noll] = given.get(noll, 0.0) + value
     indices = sorted(set(range(1, FITTED_NOLL + 1)) | set(given))
     found = coefficients(result, scene.mirror, kind, indices, noise_errors=False)
-    true_um = truth_mm[result.height_mask] * 1e3
-    # the measured deviation has a mean of 0 over the mask by convention
-    expected = found.fit.coefficients(true_um - true_um.mean()).tolist()
+    # the measured deviation has a mean of 0 over the heights' mask by convention
+    true_um = (truth_mm - truth_mm[result.height_mask].mean())[result.mask] * 1e3
+    expected = found.fit.coefficients(true_um).tolist()
     columns = zip(found.fit.nolls, found.um.tolist(), found.standard_error_um.tolist(), expected,
                   found.fit.inflation.tolist(), strict=True)  # fmt: skip
     rows = [

@@ -22,7 +22,7 @@ NOISE_DRAWS = 64  # maps of random slopes for errors without replicates: known t
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Noll coefficients of the deviation over the largest group of islands.
+    """Noll coefficients of the deviation; the pistons of groups of islands but the largest are fitted too.
 
     um, standard_error_um: [terms of the fit]. error_source: of ERROR_SOURCES. residual_nm: rms deviation that the fit
     leaves. kind: of KINDS. radius_mm: of the terms' disk.
@@ -62,7 +62,7 @@ def coefficients(
     nolls: Sequence[int] = range(1, FITTED_NOLL + 1),
     noise_errors: bool = True,
 ) -> Coefficients:
-    """Noll coefficients of the measured deviation, fitted together to the pixels of result.height_mask.
+    """Noll coefficients of the measured deviation, fitted together to all pixels used.
 
     mirror: whose disk the terms have, by default the design's; see terms_disk. Terms that the pixels cannot separate
     are left out: see maths.zernike.fit. Standard errors are the jackknife's over the replicates; without replicates and
@@ -70,8 +70,9 @@ def coefficients(
     errors of joined islands are added. Raises ValueError for an unknown kind.
     """
     radius_mm, ratio = terms_disk(mirror or result.nominal.mirror, kind)
-    mask = result.height_mask
-    fit = separable_terms(result.x_mm[mask] / radius_mm, result.y_mm[mask] / radius_mm, nolls, ratio)
+    mask, islands = result.mask, result.islands
+    groups = None if islands is None else islands.group_map[mask] - 1
+    fit = separable_terms(result.x_mm[mask] / radius_mm, result.y_mm[mask] / radius_mm, nolls, ratio, groups)
     maps_um = result.estimates("deviation_mm")[:, mask] * 1e3
     found = fit.coefficients(maps_um)
     error, source = jackknife_error(found), "replicates"
@@ -96,7 +97,7 @@ def coefficient_noise(
     heights = integrate_slopes(
         result.x_mm, result.y_mm, noise_x * random[0], noise_y * random[1], result.mask, result.method, result.join
     )
-    error: FloatArray = np.sqrt(np.mean(fit.coefficients(heights[:, result.height_mask] * 1e3) ** 2, axis=0))
+    error: FloatArray = np.sqrt(np.mean(fit.coefficients(heights[:, result.mask] * 1e3) ** 2, axis=0))
     return error
 
 

@@ -113,8 +113,9 @@ def island_tables(islands: IslandReport) -> list[Table]:
          f"{i['piston_standard_error_nm']:.2g}" if i["piston_known"] else "unknown", f"{i['nm_rms']:.4g}")
         for k, i in enumerate(islands["largest"], 1)
     ]  # fmt: skip
+    groups = f"{islands['groups']} joined group{'s' * (islands['groups'] > 1)}"
     title = (
-        f"{islands['count']} islands in {islands['groups']} joined group{'s' * (islands['groups'] > 1)}; heights over "
+        f"{islands['count']} islands in {groups}, the largest of "
         f"{islands['pixels_in_heights']:,} pixels; {islands['own_pistons_nm_rms']:.4g} nm rms with own pistons"
     )
     head = ("island", "pixels", "group", "piston, standard error [nm]", "own rms [nm]")
@@ -159,13 +160,14 @@ def measured_tables(facts: MeasuredFacts) -> list[Table]:
     table = measured_table(facts)
     misfit = ("slopes of no surface", misfit_text(facts["integration_misfit"]))
     fit = facts["zernike_fit"]
-    errors = {"replicates": "", "misfit": ", standard errors from the misfit of the slopes", "none": ""}
+    source = {"replicates": "of the replicates", "misfit": "of the slopes' misfit", "none": "unknown"}
     rows = [(str(t["noll"]), str(Estimate(t["output_um"], t["standard_error_um"]))) for t in facts["zernike"]]
-    title = _zernike_title(fit) + errors[fit["standard_errors_from"]]
+    rows += [("errors", source[fit["standard_errors_from"]])]
+    rows += [("left by the fit", f"{fit['residual_nm_rms']:.3g} nm rms")]
     return [
         Table(table.title, table.head, [*table.rows, misfit]),
         *island_tables(facts["islands"]),
-        Table(title, ("term", "[um]"), rows),
+        Table(_zernike_title(fit), ("term", "[um]"), rows),
     ]
 
 

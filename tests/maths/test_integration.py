@@ -55,7 +55,7 @@ def test_exact_on_quadratics_over_any_nodes(method, name, degree):
     assert_heights(got, levelled(z, mask), 1e-12)  # heights of 1 mm: rounding summed over 40 nodes
     assert np.nanmax(np.abs(got)) > 0.05
     joined = integrate_slopes(x, y, p, q, mask, method)
-    assert_heights(joined, np.where(mask, z - z[mask].mean(), np.nan), 1e-11)  # the weights across gaps: conditions of up to 1e5
+    assert_heights(joined, np.where(mask, z - z[mask].mean(), np.nan), 1e-11)  # weights of condition 1e5
 
 
 @pytest.mark.parametrize("method", ZONAL)

@@ -5,8 +5,9 @@ mirror: where a gap is small against its correlation length, the slopes on both 
 (bridges.py). Least squares over all gaps give every island's piston.
 
 How well a rise is predicted is measured: the same rule is tried across gaps of the same size inside the islands, where
-the heights are known. The errors of as many trials side by side as there are links between two islands are averaged;
-the root mean square of such averages is the stated error of the rise between the islands. Gaps too large to be tried
+the heights are known. The errors of half as many trials side by side as there are links between two islands are
+averaged; the root mean square of such averages is the stated error of the rise between the islands. (Half: errors along
+a bent gap cancel less than along the straight gaps of the trials.) Gaps too large to be tried
 have the error of the largest that was, scaled with the fifth power of the length. Where nothing can be tried, as
 between single nodes, the error is the difference to the trapezoidal rule.
 
@@ -32,9 +33,11 @@ from irtscots_cl.maths.integration.node_graph import NodeGraph, node_graph
 
 JOIN_LIMIT = 0.3  # stated error of a rise between two islands, times the rms of the heights without piston and tilt
 ERROR_DRAWS = 64  # of the joining errors: the stated errors are known to 9 %
+_NOISE_DRAWS = 32  # of the slopes' noise, for the part of the stated errors that comes from it: to 12 %
 _TRIALS = 256  # of each size of gap, about
-_FEW = 4  # fewer averages of trials tell no error
+_FEW = 8  # fewer averages of trials tell no error
 _ROUNDING = 1e-9  # stated errors below this part of the largest height are none: a flat mirror has no rms
+_LEAST_MM = 1e-15  # stated error of a rise, at least
 _OWN = 0.25  # least part of a rise's variance that does not come from the noise of the slopes
 
 Values = NDArray[np.float64]
@@ -168,10 +171,16 @@ def apart(graph: NodeGraph) -> Islands:
 
 
 def joined(
-    graph: NodeGraph, x: Values, y: Values, p: Values, q: Values, solve: Callable[[Values, Values], Values],
+    graph: NodeGraph,
+    x: Values,
+    y: Values,
+    p: Values,
+    q: Values,
+    nodes: Values,
+    solve: Callable[[Values, Values], Values],
     noise: float,
-) -> Islands:  # fmt: skip
-    """Join the islands of a mask by slopes p, q [nodes] at x, y [nodes] in mm.
+) -> Islands:
+    """Join the islands of a mask by slopes p, q [nodes] at x, y [nodes] and the heights ``nodes`` of these, in mm.
 
     solve: heights [maps, nodes] in mm of slopes [maps, nodes], each island with a mean of 0. noise: standard error of
     the slopes [rad]. The decisions follow from these slopes alone; `with_pistons` applies them to others at the same
@@ -182,7 +191,6 @@ def joined(
     pairs = links(graph, x, y)
     if not pairs.shape[1]:
         return apart(graph)
-    nodes = solve(p[None], q[None])[0]
     first, second, between = _between(number, pairs)
     variance, share = _variances(graph, x, y, p, q, nodes, pairs, between)
     own = rises(graph, x, y, pairs)
@@ -195,11 +203,11 @@ def joined(
     if not joint.first.size:
         return apart(graph)
     random = np.random.default_rng(0)
-    noise_p, noise_q = noise * random.standard_normal((2, ERROR_DRAWS, x.size))
+    noise_p, noise_q = noise * random.standard_normal((2, _NOISE_DRAWS, x.size))
     lacking = joint.missing(noise_p, noise_q, solve(noise_p, noise_q))
     own_error = np.sqrt(np.maximum(joint.error**2 - (noise * joint.rises.gain()) ** 2, _OWN * joint.error**2))
     draws = joint.pistons(random.standard_normal((ERROR_DRAWS, own_error.size)) * own_error)
-    error = np.sqrt(np.mean(draws**2 + joint.pistons(lacking) ** 2, axis=0))
+    error = np.sqrt(np.mean(draws**2, axis=0) + np.mean(joint.pistons(lacking) ** 2, axis=0))
     return _islands(graph, number, sizes, joint.group, error, dataclasses.replace(joint, draws=draws))
 
 
@@ -224,7 +232,7 @@ def _decided(
         kept, lacking = _kept(joint, use, sizes), missing[:, use]
         heights = nodes + kept.pistons(lacking)[0, number]
         rms = np.sqrt(np.mean(_without_tilt(x, y, kept.group[number], heights) ** 2))
-        large = use & (joint.error > max(JOIN_LIMIT * rms, _ROUNDING * np.abs(nodes).max()))
+        large = use & (joint.error > max(JOIN_LIMIT * rms, _ROUNDING * np.abs(nodes).max(), _LEAST_MM))
         if not large.any():
             break
         use &= ~large
@@ -265,7 +273,7 @@ def _variances(
     lengths = np.bincount(kind, length) / np.bincount(kind)
     (pair, size), unit, count = np.unique(np.stack([between, kind]), axis=1, return_inverse=True, return_counts=True)
     errors = _trial_errors(graph, x, y, p, q, nodes, sizes)
-    variance = np.array([_of_averages(errors[k], n) for k, n in zip(size, count, strict=True)])
+    variance = np.array([_of_averages(errors[k], (n + 1) // 2) for k, n in zip(size, count, strict=True)])
     plain = np.array([_of_averages(error, 1) for error in errors])
     known = np.flatnonzero(~np.isnan(plain))
     differ = np.zeros(1)
@@ -279,7 +287,7 @@ def _variances(
             variance[k] = np.mean(differ**2)
     # without noise some errors are but rounding: weights that differ by too much would spoil the least squares
     rounding = _ROUNDING / 1e3 * float(np.max(np.abs(nodes), initial=0.0))
-    variance = np.maximum(variance, rounding**2 + np.finfo(float).tiny)
+    variance = np.maximum(variance, rounding**2 + _LEAST_MM**2)
     total = np.bincount(pair, 1 / variance)
     share = sparse.csr_array((1 / (variance * total[pair] * count), (pair, np.arange(count.size))))
     share = share @ sparse.csr_array((np.ones(kind.size), (unit.ravel(), np.arange(kind.size))))

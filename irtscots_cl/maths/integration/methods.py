@@ -84,7 +84,7 @@ def integrate(
             raise ValueError("join: the islands are those of another mask")
         islands = join
     elif join and graph.islands.any() and len(p):
-        islands = joined(graph, x, y, p[0], q[0], solve, slope_noise(graph, x, y, p[:1], q[:1]))
+        islands = joined(graph, x, y, p[0], q[0], nodes[0], solve, slope_noise(graph, x, y, p[:1], q[:1]))
     else:
         islands = apart(graph)
     nodes = with_pistons(islands, p, q, nodes)

@@ -23,6 +23,7 @@ MAX_INFLATION = 10.0  # of a term's standard error over that on a whole disk
 _RIM_TOLERANCE = 1e-12
 
 Values = NDArray[np.float64]
+Groups = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +33,7 @@ class ZernikeFit:
     nolls: the terms of the fit, ascending. dropped: those that the samples cannot separate. ratio: of the annulus, 0
     for the terms of the disk. condition: of the matrix of the terms' values, of the fitted ones; condition_all: of all
     that were asked for (infinite if they are more than the samples). inflation: [terms], see the module. basis:
-    [samples, terms]. matrix: [terms, samples], from values to coefficients.
+    [samples, terms]. matrix: [terms, samples], from values to coefficients. groups: see separable_terms.
     """
 
     nolls: tuple[int, ...]
@@ -43,6 +44,7 @@ class ZernikeFit:
     inflation: Values = field(repr=False)
     basis: Values = field(repr=False)
     matrix: Values = field(repr=False)
+    groups: Groups | None = field(default=None, repr=False)
 
     def coefficients(self, values: Values) -> Values:
         """Coefficients [..., terms] of values [..., samples], in their unit."""
@@ -51,19 +53,24 @@ class ZernikeFit:
 
     def residual_rms(self, values: Values) -> float:
         """Rms of what the fit leaves of values [samples]."""
-        return float(np.sqrt(np.mean((values - self.basis @ self.coefficients(values)) ** 2)))
+        left = _levelled(values[:, None], self.groups)[:, 0] - self.basis @ self.coefficients(values)
+        return float(np.sqrt(np.mean(left**2)))
 
 
-def separable_terms(x: Values, y: Values, nolls: Sequence[int], ratio: float = 0.0) -> ZernikeFit:
+def separable_terms(
+    x: Values, y: Values, nolls: Sequence[int], ratio: float = 0.0, groups: Groups | None = None
+) -> ZernikeFit:
     """The fit of those of the Noll terms ``nolls`` that samples at x, y [samples] in units of the radius can separate.
 
-    ratio: above 0 for annular terms (annular.py). Whole radial orders are left out, the highest first, until no
-    inflation is above MAX_INFLATION. Raises ValueError for no term or no sample.
+    ratio: above 0 for annular terms (annular.py). groups: [samples], from 0: the values of each group but the first
+    have an unknown piston, which is fitted too. Whole radial orders are left out, the highest first, until no inflation
+    is above MAX_INFLATION. Raises ValueError for no term or no sample.
     """
     nolls = sorted(set(nolls))
     if not nolls or not x.size:
         raise ValueError("a Zernike fit needs at least one term and one sample")
     basis = np.stack([annular_zernike(j, x, y, ratio) if ratio else zernike(j, x, y) for j in nolls], axis=1)
+    basis = _levelled(basis, groups)
     order = [noll_to_nm(j)[0] for j in nolls]
     ends = [k for k in range(1, len(nolls) + 1) if k == len(nolls) or order[k] > order[k - 1]]
     triangle: Values = np.linalg.qr(basis, mode="r")  # type: ignore[assignment]  # NumPy's types leave R alone out
@@ -76,11 +83,11 @@ def separable_terms(x: Values, y: Values, nolls: Sequence[int], ratio: float = 0
     matrix = solve_triangular(part, orthogonal.T)
     return ZernikeFit(
         tuple(nolls[:count]), tuple(nolls[count:]), ratio, _condition(part), condition_all, inflation,
-        basis[:, :count], matrix,
+        basis[:, :count], matrix, groups,
     )  # fmt: skip
 
 
-def smoothing_matrix(basis: Values, groups: NDArray[np.intp] | None = None) -> Values:
+def smoothing_matrix(basis: Values, groups: Groups | None = None) -> Values:
     """Matrix [terms, samples] from values to coefficients of the terms ``basis`` [terms, samples], by least squares.
 
     It uses normal equations, for terms that are nearly orthogonal. Combinations of terms that the samples cannot
@@ -129,6 +136,17 @@ def zernike_fit(
     if rank < len(indices):
         raise ValueError(f"the samples tell only {rank} of the {len(indices)} Zernike terms apart")
     return solution
+
+
+def _levelled(columns: Values, groups: Groups | None) -> Values:
+    """Columns [samples, ...] without the mean of every group but the first: its piston fitted and removed."""
+    if groups is None or not groups.any():
+        return columns
+    sums = np.stack([np.bincount(groups, column) for column in columns.T], axis=1)
+    means = sums / np.maximum(np.bincount(groups), 1)[:, None]
+    means[0] = 0.0
+    levelled: Values = columns - means[groups]
+    return levelled
 
 
 def _inflation(triangle: Values, samples: int) -> Values:
