@@ -43,12 +43,16 @@ _PUBLIC = {
     "SceneError": "scene.validation",
     "Transport": "tracing.results.transport",
     "all_devices": "opencl.device",
+    "check_images": "measurement.quality",
     "compare": "analysis.comparison",
+    "error_bars": "measurement.error_bars",
     "error_terms": "analysis.error_terms",
+    "estimate_centroids": "measurement.scan_estimates",
     "integrate_slopes": "maths.integration",
     "load_scene": "scene.presets",
     "measure_by": "measurement.methods",
     "noise_gain": "maths.integration",
+    "record": "imaging.recording",
     "reconstruct": "measurement.reconstruction",
     "refine": "measurement.refinement",
     "select_device": "opencl.device",
@@ -70,12 +74,16 @@ if TYPE_CHECKING:
     from irtscots_cl.execution.checkpoint import Checkpoints as Checkpoints
     from irtscots_cl.execution.checkpoint import Interrupted as Interrupted
     from irtscots_cl.imaging.patterns import LineScan as LineScan
+    from irtscots_cl.imaging.recording import record as record
     from irtscots_cl.maths.integration import integrate_slopes as integrate_slopes
     from irtscots_cl.maths.integration import noise_gain as noise_gain
     from irtscots_cl.maths.zernike.polynomials import zernike as zernike
+    from irtscots_cl.measurement.error_bars import error_bars as error_bars
     from irtscots_cl.measurement.methods import measure_by as measure_by
+    from irtscots_cl.measurement.quality import check_images as check_images
     from irtscots_cl.measurement.reconstruction import reconstruct as reconstruct
     from irtscots_cl.measurement.refinement import refine as refine
+    from irtscots_cl.measurement.scan_estimates import estimate_centroids as estimate_centroids
     from irtscots_cl.opencl.device import DeviceError as DeviceError
     from irtscots_cl.opencl.device import all_devices as all_devices
     from irtscots_cl.opencl.device import select_device as select_device

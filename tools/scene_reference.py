@@ -17,12 +17,14 @@ import textwrap
 
 from _generated import main
 
+from irtscots_cl.scene.detector_noise import DetectorNoise
 from irtscots_cl.scene.element import ALLOWS, KINDS, NEEDS, Element
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import ZERNIKE_KEYS, Scene
 from irtscots_cl.scene.presets import preset_names, preset_text
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
+from irtscots_cl.scene.screen_response import ScreenResponse
 
 # Each table of a scene file: its heading, its model, one sentence, and the meaning of each key.
 MEANINGS = (
@@ -56,6 +58,7 @@ MEANINGS = (
         "radiance": "of a lit pixel",
         "emission": "angular distribution",
         "centre_offset_mm": "shift of the pixel grid in the screen's own x, y",
+        "response": "what a real screen does; without it, all lines are equal and steady",
     }),
     ("[camera]", Camera, "An aperture with a paraxial lens in it, and a detector.", {
         "position_mm": "centre of the aperture",
@@ -71,6 +74,48 @@ MEANINGS = (
     ("[camera.detector]", Detector, "A grid of square pixels.", {
         "pixels": "number of pixels",
         "pitch_mm": "of the pixels",
+        "noise": "what a real detector does; without it, images are the flux in W",
+    }),
+    ("[camera.detector.noise]", DetectorNoise, "What a real detector does to the images; without this table, or with "
+     "all effects off, they are the flux in W. [detector.md](detector.md) has the order of the effects.", {
+        "electrons_at_peak": "states the exposure: mean electrons of the brightest sample of all frames, in one frame",
+        "exposure_s": "exposure of one frame; with the next two keys it states the exposure in place of "
+        "`electrons_at_peak`",
+        "quantum_efficiency": "electrons per photon",
+        "wavelength_nm": "of the light, to turn energy into photons",
+        "quantum_efficiency_map": "response [rows, columns] of the pixels, relative to the nominal one; a path "
+        "relative to this file",
+        "prnu": "photo-response non-uniformity: relative rms of the pixels' response",
+        "dead_pixel_share": "chance of a pixel to respond to no light",
+        "shot_noise": "Poisson statistics of the electrons, of light and dark current",
+        "dark_current_e_per_s": "mean dark current of a pixel; needs `exposure_s`",
+        "hot_pixel_share": "chance of a pixel to be hot",
+        "hot_pixel_e": "mean electrons that a hot pixel has in addition in each frame",
+        "read_noise_e": "rms, of each pixel in each frame",
+        "full_well_e": "most electrons of a pixel",
+        "gain_e_per_dn": "electrons for a step of the digital number",
+        "offset_dn": "digital number without electrons",
+        "bits": "of the digital numbers, rounded and limited in each frame; without it they are not",
+        "justification": "`left`: the bits are the upper ones of 16, in steps of 2^(16 - bits)",
+        "frames_averaged": "frames whose mean is the image under a line",
+        "dark_frames": "frames without light whose mean is subtracted; 0: the dark level stays in",
+        "exposures": "independent repeats of all images, kept separately, for error bars",
+        "seed": "of the random numbers",
+    }),
+    ("[screen.response]", ScreenResponse, "How the screen departs from an even and steady one. The first two keys and "
+     "dead pixels need a map of transport: `--estimator adjoint` without `--smoothing`, or `forward`.", {
+        "brightness_map": "factor [rows, columns] on the radiance of each screen pixel; a path relative to this file",
+        "brightness_polynomial": "factor 1 + a x + b y + c x² + d x y + e y²; x and y go from -1 to 1 over the screen",
+        "grey_level": "of a lit line; 1: full on",
+        "gamma": "a lit line has the share grey_level^gamma of the full radiance: no effect on lines that are full on",
+        "dead_pixels": "screen pixels that stay dark",
+        "dead_columns": "columns that stay dark, counted from 0",
+        "dead_rows": "rows that stay dark, counted from 0",
+        "dead_pixel_share": "chance of a screen pixel to stay dark",
+        "dead_line_share": "chance of a column, and of a row, to stay dark",
+        "drift": "relative change of brightness over each scan, linear: from 1 - drift/2 to 1 + drift/2",
+        "jitter": "relative rms of the brightness, of each camera frame",
+        "seed": "of the random numbers",
     }),
     ("[[element]]", Element, "A surface with its effect on light: `mirror` reflects in front and is black behind, "
      "`refractor` is an interface of two media, `lens` is paraxial, `absorber` is black, `detector` is black and "
@@ -113,7 +158,11 @@ MEANINGS = (
     }),
 )  # fmt: skip
 HIDDEN = {ZernikeTerms: {"ordering"}}  # in a file the key of the coefficients states it
-UNITS = {"mm": "mm", "um": "µm", "nm": "nm", "radiance": "W/(mm² sr)", "b0": "1/sr"}  # by the end of a key
+UNITS = {"mm": "mm", "um": "µm", "nm": "nm", "s": "s", "e": "e", "dn": "DN"}  # by the end of a key
+UNITS_OF_KEYS = {
+    "radiance": "W/(mm² sr)", "b0": "1/sr", "electrons_at_peak": "e", "dark_current_e_per_s": "e/s",
+    "gain_e_per_dn": "e/DN",
+}  # fmt: skip
 FILE_KEYS = {"coefficients_um": " or ".join(f"`{key}`" for key in ZERNIKE_KEYS)}
 
 
@@ -127,7 +176,7 @@ def reference() -> str:
         lines = [f"## {heading}", "", *([textwrap.fill(sentence, 118), ""] if sentence else [])]
         lines += ["| key | unit | allowed | default | meaning |", "|---|---|---|---|---|"]
         for key, field in fields.items():
-            unit = UNITS.get(key.rsplit("_", 1)[-1], "")
+            unit = UNITS_OF_KEYS.get(key, UNITS.get(key.rsplit("_", 1)[-1], "") if "_" in key else "")
             cells = (FILE_KEYS.get(key, f"`{key}`"), unit, field.description, default_of(field), meanings[key])
             lines.append("| " + " | ".join(cells) + " |")
         lines += ["", kinds()] if model is Element else []
@@ -167,7 +216,7 @@ def default_of(field) -> str:
         return f"`{str(value).lower()}`"
     if isinstance(value, tuple):
         return "[" + ", ".join(f"{v:g}" for v in value) + "]"
-    return f"{value:g}" if isinstance(value, float) else f'`"{value}"`'
+    return f"{value:g}" if isinstance(value, (int, float)) else f'`"{value}"`'
 
 
 def rules_of(model) -> list[str]:

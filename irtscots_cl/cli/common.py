@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.scene.presets import load_scene, with_noise_file
 
 if TYPE_CHECKING:
     from irtscots_cl.optics.setup import Setup
@@ -50,9 +50,14 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="preset name (see `irtscots scenes`) or path of a TOML file")
 
 
-def visible_setup(name_or_path: str) -> Setup:
-    """The scene of a name or path, checked to be traceable. Raises SceneError; its message uses the given name."""
+def visible_setup(name_or_path: str, noise_path: str | None = None) -> Setup:
+    """The scene of a name or path, checked to be traceable. Raises SceneError; its message uses the given name.
+
+    noise_path: a TOML file whose tables replace the scene's own; see presets.with_noise_file.
+    """
     scene = load_scene(name_or_path)
+    if noise_path is not None:
+        scene = with_noise_file(scene, noise_path)
     from irtscots_cl.optics.chief_rays import check_visible
     from irtscots_cl.optics.setup import Setup
 
@@ -112,12 +117,27 @@ def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
         yield {"client": DaskExecutor(client)}
 
 
-def add_measure(parser: argparse.ArgumentParser) -> None:
+LAB_MEASURE = "likelihood"  # methods.BEST, without NumPy
+
+
+def add_measure(parser: argparse.ArgumentParser, default: str = "paper") -> None:
     parser.add_argument(
         "--measure",
         metavar="M",
-        help="how images become heights: paper (plain centroids, trapezoids), fine (light-curve model, cubics, no "
-        "averaging over pixels) or refined (fine, then refined by a model of the test); default paper",
+        help="how images become heights. Without noise and background: paper (plain centroids, trapezoids), fine "
+        "(light-curve model, cubics, no averaging over pixels) or refined (fine, then refined by a model of the test). "
+        "With both: likelihood (the modelled light curve moved to the samples by maximum likelihood, refined) or "
+        f"windowed (signed centroids where the light can be, refined); default {default}",
+    )
+
+
+def add_noise(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--noise",
+        metavar="FILE",
+        help="TOML file with the tables [camera.detector.noise] and [screen.response], or one of them, in place of the "
+        "scene's own: what a real camera and screen do to the images; default: as the scene says, without such tables "
+        "no noise",
     )
 
 

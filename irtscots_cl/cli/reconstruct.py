@@ -4,17 +4,10 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from pathlib import Path
 
-from irtscots_cl.cli.common import (
-    DEFAULTS,
-    add_measure,
-    add_zernike,
-    command,
-    print_json,
-    print_tables,
-    print_warnings,
-)
+from irtscots_cl.cli.common import LAB_MEASURE, add_measure, add_zernike, command, print_json, print_tables
 from irtscots_cl.scene.presets import load_scene
 
 
@@ -45,18 +38,19 @@ def add(commands) -> None:
         type=float,
         default=0.0,
         metavar="T",
-        help="least part of a light curve's peak "
-        "that counts for its centroid, 0 to below 1; default 0, for images without background",
+        help="paper and fine: least part of a light curve's peak that counts for its centroid, 0 to below 1; "
+        "default 0. It cuts off light too, which moves the centroids",
     )
     parser.add_argument(
         "--saturation",
         type=float,
         default=math.inf,
         metavar="V",
-        help="value from which on a sample of the images is saturated; pixels with such samples are not used; "
-        "default: none is",
+        help="value from which on a sample of the images is saturated and not used; default: the images' own ceiling, "
+        "where they show one",
     )
-    add_measure(parser)
+    parser.add_argument("--strict", action="store_true", help="refuse doubtful images too, with exit code 2")
+    add_measure(parser, default=f"{LAB_MEASURE}, for images with noise and background")
     add_zernike(parser)
 
 
@@ -72,14 +66,19 @@ def _execute(options: argparse.Namespace) -> int:
 
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder)
-    how = options.measure or DEFAULTS["measure"]
+    how = options.measure or LAB_MEASURE
     check_measure(how, options.threshold)
     check_kind(options.zernike)
     if (folder / "result.h5").resolve() == options.images.resolve():
         raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
     images = read_images(options.images).saturating_at(options.saturation)
-    facts = measure(images, scene.nominal(), folder, options.threshold, how, options.zernike)
-    print_warnings(facts["warnings"])
+    facts = measure(
+        images, scene.nominal(), folder, options.threshold, how, strict=options.strict,
+        source=str(options.images), zernike=options.zernike
+    )
+    for check in facts["checks"]:
+        if check["level"] != "ok":
+            print(f"irtscots: warning: {check['name']}: {check['text']}", file=sys.stderr)
     if options.json:
         print_json(plain(facts))
     else:

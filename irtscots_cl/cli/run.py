@@ -14,6 +14,7 @@ from irtscots_cl.cli.common import (
     DEVICES_HELP,
     PATH_CHOICES,
     add_measure,
+    add_noise,
     add_path_choices,
     add_scene,
     add_trace_choices,
@@ -72,6 +73,7 @@ def add(commands) -> None:
         help="height error to reach, piston and tilt removed: small pilot runs choose the cheapest rays, precision and "
         "measure that get there, except what is given here too",
     )
+    add_noise(parser)
     add_resume(parser)
     add_quiet(parser)
     parser.add_argument(
@@ -101,7 +103,7 @@ def _execute(options: argparse.Namespace) -> int:
     given = choices(options, DEFAULTS) | choices(options, RAYS)
     given |= choices(options, PATH_CHOICES)
     _check(options, DEFAULTS | RAYS | given)
-    setup = visible_setup(options.scene)
+    setup = visible_setup(options.scene, options.noise)
     scene = setup.scene
     _check_scene(scene, options, given)
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
@@ -159,7 +161,14 @@ def _check(options: argparse.Namespace, wanted: dict) -> None:
 
 
 def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
-    """Raise ValueError if the estimator cannot trace the scene, before any slow step."""
+    """Raise ValueError if the estimator cannot trace the scene, or record its noise, before any slow step."""
+    if scene.has_noise_tables:
+        from irtscots_cl.pipeline.noise import check_noise
+        from irtscots_cl.pipeline.target import check_without_noise
+
+        if options.target_nm is not None:
+            check_without_noise(scene)
+        check_noise(scene, options.parts, **(DEFAULTS | RAYS | given))
     if scene.is_sequential:
         return
     from irtscots_cl.tracing.options import NONSEQUENTIAL, check_sequential

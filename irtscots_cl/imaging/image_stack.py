@@ -27,7 +27,7 @@ class Scan:
     flux_w: [replicates, n, window] flux; outside its window a pixel is dark. weights: [replicates] share of each
     replicate in the mean (rays, exposures). hits: [n] number of independent random rays in a whole light curve; NaN
     for other samplers and lab images. saturation_w: flux at which the camera's pixels saturate; infinite for a
-    simulation.
+    simulation without a detector's limits. unit: of the flux and of saturation_w; "DN" of a recorded scan.
     """
 
     axis: str
@@ -39,6 +39,7 @@ class Scan:
     weights: FloatArray
     hits: FloatArray = field(repr=False)
     saturation_w: float = math.inf
+    unit: str = "W"
 
     @property
     def lines(self) -> IntArray:
@@ -61,7 +62,8 @@ class Scan:
         total = weighted.sum(0)
         left = (total - weighted) / (self.weights.sum() - self.weights)[:, None, None]
         # a sample that is dark in all other replicates is exactly 0, without rounding errors of total - weighted
-        return np.concatenate([total[None] / self.weights.sum(), np.maximum(left, 0.0)])
+        left[(left < 0) & (left > -1e-12 * total)] = 0.0
+        return np.concatenate([total[None] / self.weights.sum(), left])
 
     def standard_error_w(self) -> FloatArray:
         """Standard error [n, window] of mean_w() from the scatter of the replicates; NaN for a single one."""
@@ -86,17 +88,18 @@ class Scan:
     def from_images(cls, axis: str, positions_mm: FloatArray, images_w: FloatArray) -> Scan:
         """A scan from whole images [lines, rows, columns] or [exposures, lines, rows, columns].
 
-        Raises ValueError for other shapes, for positions that do not match or increase, or for values that are not
-        finite.
+        A value that is not a number (NaN) marks a sample as missing. Raises ValueError for other shapes, for positions
+        that do not match or increase, or for infinite values.
         """
         check_shapes(axis, np.shape(positions_mm), np.shape(images_w))
         images = np.asarray(images_w, float)
         images = images[None] if images.ndim == 3 else images
         positions = np.asarray(positions_mm, float)
+        if not np.isfinite(positions).all():
+            raise ValueError(f"line positions of the {axis} scan hold values that are not finite")
         for values in (images, positions):
-            if not (np.isfinite(values).all() and max(values.max(), -values.min()) <= MAX_VALUE):
-                must = f"that are not finite or beyond {MAX_VALUE:g}"
-                raise ValueError(f"images or line positions of the {axis} scan hold values {must}")
+            if max(np.nanmax(values, initial=0.0), -np.nanmin(values, initial=0.0)) > MAX_VALUE:
+                raise ValueError(f"images or line positions of the {axis} scan hold values beyond {MAX_VALUE:g}")
         if not (np.diff(positions) > 0).all():
             raise ValueError(f"the line positions of the {axis} scan must grow from line to line")
         count = images.shape[2] * images.shape[3]

@@ -11,12 +11,13 @@ from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.maths.zernike.fit import ZernikeFit, separable_terms
+from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.scene.mirror import Mirror
 
 FITTED_NOLL = 45  # radial orders up to 8
 KINDS = ("circular", "annular")
-ERROR_SOURCES = ("replicates", "misfit", "none")
+ERROR_SOURCES = ("images", "replicates", "misfit", "none")
 NOISE_DRAWS = 64  # maps of random slopes for errors without replicates: known to 9 %
 
 
@@ -61,13 +62,15 @@ def coefficients(
     kind: str = "circular",
     nolls: Sequence[int] = range(1, FITTED_NOLL + 1),
     noise_errors: bool = True,
+    bars: ErrorBars | None = None,
 ) -> Coefficients:
     """Noll coefficients of the measured deviation, fitted together to all pixels used.
 
     mirror: whose disk the terms have, by default the design's; see terms_disk. Terms that the pixels cannot separate
-    are left out: see maths.zernike.fit. Standard errors are the jackknife's over the replicates; without replicates and
-    with noise_errors, those of white noise of the slopes that has the misfit of integration; else NaN. The stated
-    errors of joined islands are added. Raises ValueError for an unknown kind.
+    are left out: see maths.zernike.fit. Standard errors are those of the images' noise, from ``bars``, if these are
+    there; else the jackknife's over the replicates; without replicates and with noise_errors, those of white noise of
+    the slopes that has the misfit of integration; else NaN. The stated errors of joined islands are added. Raises
+    ValueError for an unknown kind.
     """
     radius_mm, ratio = terms_disk(mirror or result.nominal.mirror, kind)
     mask, islands = result.mask, result.islands
@@ -76,7 +79,9 @@ def coefficients(
     maps_um = result.estimates("deviation_mm")[:, mask] * 1e3
     found = fit.coefficients(maps_um)
     error, source = jackknife_error(found), "replicates"
-    if np.isnan(error).any():
+    if bars is not None:
+        error, source = fit.coefficients(bars.draws_mm[:, mask] * 1e3).std(axis=0), "images"
+    elif np.isnan(error).any():
         error, source = _noise_error(result, fit) if noise_errors else error, "misfit"
         if np.isnan(error).any():
             source = "none"

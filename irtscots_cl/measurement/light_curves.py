@@ -22,6 +22,7 @@ class Flag(IntEnum):
     CLIPPED = 2  # reaches past the screen's first or last line: its centroid would be wrong
     STRAY = 3  # much light where the geometry allows none: background, a second peak, another scene
     SATURATED = 4  # a sample of some exposure is at the camera's limit: a flat top hides the centre
+    MASKED = 5  # samples are missing (NaN in the images)
 
 
 def effective_screen_pixels(curves_w: FloatArray, threshold: float = 0.0) -> BoolArray:
@@ -61,4 +62,5 @@ def flag_curves(scan: Scan, curves_w: FloatArray, centroid_mm: FloatArray, reach
     tolerance = np.where(lit_edge, EDGE_TOLERANCE, DARK_EDGE_TOLERANCE) * pitch
     flags = np.where(beyond > tolerance, Flag.CLIPPED, flags)
     flags = np.where((scan.flux_w >= scan.saturation_w).any((0, -1)), Flag.SATURATED, flags)
-    return np.where(lit.any(-1), flags, Flag.EMPTY)
+    flags = np.where(lit.any(-1), flags, Flag.EMPTY)
+    return np.where(np.isnan(curves_w).any(-1), Flag.MASKED, flags)

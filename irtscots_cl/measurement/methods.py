@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.measurement.reconstruction import Reconstruction, reconstruct
 from irtscots_cl.measurement.refinement import refine
+from irtscots_cl.measurement.scan_estimates import ScanEstimate
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 
@@ -25,7 +26,13 @@ MEASURES = {
     "paper": Measure(),  # plain centroids and Southwell's integration, as in the paper
     "fine": Measure("chord", "cubic", pixel_average=False),
     "refined": Measure("chord", "cubic", pixel_average=False, rounds=4),
+    # of signed samples, with the background and the noise of the images: for a laboratory's images
+    "windowed": Measure("windowed", "cubic", pixel_average=False, rounds=2),
+    "likelihood": Measure("likelihood", "cubic", pixel_average=False, rounds=2),
 }
+
+NOISE_FREE = ("paper", "fine", "refined")  # for images without background and camera noise
+BEST = "likelihood"  # of a laboratory's images: unbiased, with least noise
 
 
 def check_measure(name: str, threshold: float = 0.0) -> Measure:
@@ -35,14 +42,20 @@ def check_measure(name: str, threshold: float = 0.0) -> Measure:
     how = MEASURES[name]
     if how.rounds and threshold > 0:
         raise ValueError(
-            f"--threshold = {threshold}: --measure {name} needs whole light curves; must be 0, the background "
-            f"subtracted from the images, or another --measure"
+            f"--threshold = {threshold}: --measure {name} needs whole light curves; must be 0, or with --measure paper "
+            "or fine"
         )
     return how
 
 
-def measure_by(name: str, stack: ImageStack, nominal: Scene | Setup, threshold: float = 0.0) -> Reconstruction:
-    """Measure the surface by the method `name` of MEASURES.
+def measure_by(
+    name: str,
+    stack: ImageStack,
+    nominal: Scene | Setup,
+    threshold: float = 0.0,
+    estimates: tuple[ScanEstimate, ScanEstimate] | None = None,
+) -> Reconstruction:
+    """Measure the surface by the method `name` of MEASURES. estimates: see `reconstruct`.
 
     Raises ValueError for an unknown name, and the errors of `reconstruct`.
     """
@@ -54,5 +67,6 @@ def measure_by(name: str, stack: ImageStack, nominal: Scene | Setup, threshold: 
         method=how.method,
         pixel_average=how.pixel_average,
         threshold=threshold,
+        estimates=estimates if how.light_curve == BEST else None,
     )
     return refine(result, stack, rounds=how.rounds) if how.rounds else result

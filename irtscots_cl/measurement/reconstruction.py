@@ -14,13 +14,17 @@ from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_curves import Flag, flag_curves
 from irtscots_cl.measurement.light_profiles import profile_centroids
+from irtscots_cl.measurement.scan_estimates import ScanEstimate, estimate_centroids
 from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 
 MIN_PIXELS = 4  # to separate piston, tilt and power
-LIGHT_CURVES = ("centroid", "chord")
+# "centroid": of all samples with light (paper, Eq. 4); "chord": that, corrected by the profile of the design;
+# "windowed" and "likelihood": of signed samples, with noise and background (scan_estimates.py).
+LIGHT_CURVES = ("centroid", "chord", "windowed", "likelihood")
+SIGNED = ("windowed", "likelihood")
 Pair = tuple[FloatArray, FloatArray]  # along x and along y
 HEIGHT_ROUNDS = 2  # slopes, height, slopes, height: a third round changes less than 0.01 nm on a deviation of 1 um
 
@@ -34,8 +38,9 @@ class Reconstruction:
     centroid_y_mm: in the screen's frame. slope_x, slope_y [rad]: of the whole surface. height_mm: design plus
     deviation; deviation_mm: from the design, zero mean over every group of joined islands. light_curve, method,
     pixel_average: arguments of reconstruct. updates_nm: rms change of each round of refinement. jackknife_*:
-    [replicates, rows, columns], the same maps with one replicate left out in turn, for error bars. islands: of the
-    mask, and how their heights are joined; None if it is known to have only one.
+    [replicates, rows, columns], the same maps with one replicate left out in turn, for error bars. estimates_of_scans:
+    of the x and the y scan, for "windowed" and "likelihood": error bars of the centroids, gains of the frames,
+    chi-square, ... islands: of the mask, and how their heights are joined; None if it is known to have only one.
     """
 
     setup: Setup = field(repr=False)
@@ -57,6 +62,7 @@ class Reconstruction:
     jackknife_slope_y: FloatArray = field(repr=False)
     jackknife_deviation_mm: FloatArray = field(repr=False)
     updates_nm: tuple[float, ...] = ()
+    estimates_of_scans: tuple[ScanEstimate, ScanEstimate] | None = field(default=None, repr=False)
     islands: Islands | None = field(default=None, repr=False)
 
     @property
@@ -87,11 +93,14 @@ class Reconstruction:
         """Maps [draws, rows, columns] of what the joining of islands may have wrong; none where nothing was joined."""
         return np.zeros((0, *self.mask.shape)) if self.islands is None else self.islands.joining_errors()
 
-    def misfit(self) -> Misfit:
-        """The part of the slopes that no surface has (maths.integration.misfit), beside the replicates' scatter."""
+    def misfit(self, slope_noise: Pair | None = None) -> Misfit:
+        """The part of the slopes that no surface has (maths.integration.misfit), beside that of their noise.
+
+        slope_noise: standard errors of slope_x, slope_y [rows, columns] in rad; by default the replicates' scatter.
+        """
         own = self.setup.chief_rays.surface.gradient(self.x_mm, self.y_mm)
         extra_x, extra_y = self.slope_x - own[0], self.slope_y - own[1]
-        noise = np.stack([jackknife_error(self.estimates(f"slope_{axis}")) for axis in "xy"])
+        noise = np.stack(slope_noise or [jackknife_error(self.estimates(f"slope_{axis}")) for axis in "xy"])
         noise_x, noise_y = noise if np.isfinite(noise[:, self.mask]).all() else (None, None)
         return integration_misfit(self.x_mm, self.y_mm, extra_x, extra_y, self.mask, noise_x, noise_y)
 
@@ -130,15 +139,18 @@ def reconstruct(
     pixel_average: bool = True,
     min_coverage: float = 0.5,
     threshold: float = 0.0,
+    estimates: tuple[ScanEstimate, ScanEstimate] | None = None,
 ) -> Reconstruction:
     """Measure the surface from line-scan images and the design scene only.
 
     nominal: the scene without deviation (scene.nominal()), or a Setup of it.
     light_curve: "centroid" uses the light curves' centroids
-    (paper, Eq. 4), "chord" corrects them by the profile from the design (light_profiles.py). method: of
+    (paper, Eq. 4), "chord" corrects them by the profile from the design (light_profiles.py), "windowed" and
+    "likelihood" use signed samples, with noise and background (scan_estimates.py); no threshold. method: of
     integrate_slopes. pixel_average: true to use the measured slopes, which are means over the pixels; false to convert
     them to the pixels' centres (slopes.deconvolve_pixel). min_coverage: smallest share of a pixel's footprint that must
-    lie on the mirror. threshold: see light_curves.effective_screen_pixels.
+    lie on the mirror. threshold: see light_curves.effective_screen_pixels. estimates: of both scans of this stack by
+    this way, where they are there already.
 
     Raises ValueError if the stack does not match the scene or fewer than MIN_PIXELS pixels can be used.
     """
@@ -147,8 +159,14 @@ def reconstruct(
     setup = Setup.of(nominal)
     chief = setup.chief_rays
     _check_fits(stack, chief)
-    centroid_x, flag_x = _measured(setup, stack.x, light_curve, threshold)
-    centroid_y, flag_y = _measured(setup, stack.y, light_curve, threshold)
+    if estimates is None and light_curve in SIGNED:
+        estimates = estimate_centroids(stack, setup, light_curve)
+    if estimates:
+        centroid_x, flag_x = _estimated(setup, estimates[0], light_curve)
+        centroid_y, flag_y = _estimated(setup, estimates[1], light_curve)
+    else:
+        centroid_x, flag_x = _measured(setup, stack.x, light_curve, threshold)
+        centroid_y, flag_y = _measured(setup, stack.y, light_curve, threshold)
     flags = np.maximum(flag_x, flag_y)
     on_mirror = chief.footprint.coverage >= min_coverage
     # if one replicate has all the light, leaving it out leaves none
@@ -179,6 +197,7 @@ def reconstruct(
         jackknife_slope_x=slope_x[1:],
         jackknife_slope_y=slope_y[1:],
         jackknife_deviation_mm=deviation[1:],
+        estimates_of_scans=estimates,
         islands=islands,
     )
 
@@ -222,6 +241,18 @@ def _measured(
     reach = (half_width + (box_row + box_column) / 2).ravel()[scan.pixels]
     flags = np.full(on_grid.shape[1], Flag.EMPTY)
     flags[scan.pixels] = flag_curves(scan, curves[0], on_grid[0, scan.pixels], reach)
+    return on_grid.reshape(-1, *scan.shape), flags.reshape(scan.shape)
+
+
+def _estimated(setup: Setup, estimate: ScanEstimate, light_curve: str) -> tuple[FloatArray, IntArray]:
+    """As _measured, of a scan's estimate."""
+    scan, found = estimate.scan, estimate.centroid_mm
+    if light_curve == "windowed":
+        found = found + (profile_centroids(scan, setup.pixel_response, found[0]) - found[0])
+    on_grid = np.full((len(found), scan.shape[0] * scan.shape[1]), np.nan)
+    on_grid[:, scan.pixels] = found
+    flags = np.full(on_grid.shape[1], Flag.EMPTY)
+    flags[scan.pixels] = estimate.flags
     return on_grid.reshape(-1, *scan.shape), flags.reshape(scan.shape)
 
 

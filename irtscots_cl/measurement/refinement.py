@@ -22,6 +22,7 @@ from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_profiles import sampled_centroids
 from irtscots_cl.measurement.reconstruction import Reconstruction, triangulated
+from irtscots_cl.measurement.scan_estimates import estimate_centroids
 from irtscots_cl.measurement.slopes import deconvolve_pixel
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.pixel.response import PixelResponse
@@ -85,11 +86,20 @@ def _round(result: Reconstruction, stack: ImageStack, fit: FloatArray) -> Recons
     means = light.means("uv")
     model = [np.full(mask.shape, np.nan) for _ in "uv"]
     residual = []
-    for on_grid, mean, scan in zip(model, means, (stack.x, stack.y), strict=True):
+    estimates = None
+    if result.estimates_of_scans:
+        estimates = estimate_centroids(stack, result.setup, result.light_curve, light)
+    for k, (on_grid, mean, scan) in enumerate(zip(model, means, (stack.x, stack.y), strict=True)):
         on_grid.ravel()[pixels] = mean
         differ = np.full((1 + len(result.jackknife_slope_x), mask.size), np.nan)
-        curves = scan.jackknife_w()
-        differ[:, scan.pixels] = centroids(scan, curves) - sampled_centroids(scan, light)
+        if estimates is None:
+            differ[:, scan.pixels] = centroids(scan, scan.jackknife_w()) - sampled_centroids(scan, light)
+        elif result.light_curve == "likelihood":
+            differ[:, estimates[k].scan.pixels] = estimates[k].centroid_mm
+            differ -= on_grid.ravel()
+        else:
+            of_scan = estimates[k].scan
+            differ[:, of_scan.pixels] = estimates[k].centroid_mm - sampled_centroids(of_scan, light)
         residual.append(differ.reshape(-1, *mask.shape))
     surface = chief.surface
     height = surface.sag(result.x_mm, result.y_mm)
@@ -122,4 +132,5 @@ def _round(result: Reconstruction, stack: ImageStack, fit: FloatArray) -> Recons
         jackknife_slope_x=slopes[0][1:],
         jackknife_slope_y=slopes[1][1:],
         jackknife_deviation_mm=deviation[1:],
+        estimates_of_scans=estimates,
     )

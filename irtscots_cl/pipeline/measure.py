@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import cast
+
+import numpy as np
 
 from irtscots_cl.analysis.comparison import HEIGHT_TERMS
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.coefficients import check_kind, coefficients
-from irtscots_cl.measurement.methods import measure_by
+from irtscots_cl.measurement.error_bars import ErrorBars, error_bars
+from irtscots_cl.measurement.light_curves import Flag
+from irtscots_cl.measurement.methods import BEST, MEASURES, measure_by
+from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check, check_images, worst
+from irtscots_cl.measurement.reconstruction import SIGNED, Reconstruction
+from irtscots_cl.measurement.saturation import find_ceiling
+from irtscots_cl.measurement.scan_estimates import ScanEstimate, estimate_centroids
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
-from irtscots_cl.report.quality import fit_facts, island_facts, misfit_facts, quality_warnings
+from irtscots_cl.report.quality import fit_facts, island_facts, misfit_facts, quality_checks
 from irtscots_cl.report.result_file import write_result
-from irtscots_cl.report.types import HeightErrors, MeasuredFacts, Refused
+from irtscots_cl.report.types import AlongAxes, CheckFacts, HeightErrors, MeasuredFacts, Refused
 from irtscots_cl.scene.model import Scene
+
+DIFFERENCE = 3.0  # standard errors of the height: a measure that differs by more from the best one is named
+
+
+class RefusedImagesError(ValueError):
+    """The images cannot be of this scene, or cannot be measured. The message is one line."""
 
 
 def measure(
@@ -22,37 +38,93 @@ def measure(
     nominal: Scene,
     folder: Path,
     threshold: float = 0.0,
-    how: str = "paper",
+    how: str = BEST,
+    *,
+    strict: bool = False,
+    source: str = "images",
     zernike: str = "circular",
 ) -> MeasuredFacts:
     """Measure a mirror from images alone, without a truth to compare with.
 
-    how: a name of methods.MEASURES. zernike: kind of the terms that are fitted, of coefficients.KINDS. Writes result.h5
-    and figures into the folder and returns the main facts, named as in report.json.
+    how: a name of methods.MEASURES. strict: refuse doubtful images, too. source: the images' file, for messages.
+    zernike: kind of the terms that are fitted, of coefficients.KINDS. Writes result.h5 and figures into the folder and
+    returns the main facts, named as in report.json. Raises RefusedImagesError if a check says that the images are
+    wrong.
     """
     from irtscots_cl.report.figures import write_figures
 
     check_kind(zernike)
-    result = measure_by(how, stack, nominal, threshold)
+    setup = Setup(nominal)
+    stack = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
+    estimates = estimate_centroids(stack, setup, BEST)
+    checks = check_images(stack, setup, estimates)
+    _refuse(checks, strict, source)
+    result = measure_by(how, stack, setup, threshold, estimates)
+    bars = error_bars(result)
+    if MEASURES[how].light_curve not in SIGNED:
+        best = measure_by(BEST, stack, setup, estimates=estimates)
+        checks.append(_against_best(result, best, how, threshold))
+        _refuse(checks, strict, source)
+    facts = _facts(result, how, bars, checks, zernike)
+    _refuse(checks, strict, source)
     open_output_folder(folder)
     attributes = {"scene": nominal.to_toml(), "measure": how} | version_attributes()
-    write_result(folder / "result.h5", stack, result, attributes)
+    write_result(folder / "result.h5", stack, result, attributes, bars)
     write_figures(folder / "figures", stack, result, None)
+    return facts
+
+
+def _refuse(checks: list[Check], strict: bool, source: str) -> None:
+    level = worst(checks)
+    if level == ERROR or (strict and level == WARNING):
+        bad = "; ".join(f"{check.name}: {check.text}" for check in checks if check.level == level)
+        raise RefusedImagesError(f"{source}: {bad}{' (--strict)' if level == WARNING else ''}")
+
+
+def _against_best(result: Reconstruction, best: Reconstruction, how: str, threshold: float) -> Check:
+    """How far the height by a measure that takes images for free of noise and background is from the best one."""
+    bars = error_bars(best)
+    both = result.height_mask & best.height_mask
+    differ = remove_terms(best.x_mm, best.y_mm, result.deviation_mm - best.deviation_mm, both, "piston_tilt")
+    value = rms(differ, both) * 1e6
+    limit = DIFFERENCE * max(rms(bars.height_mm, both) * 1e6 if bars else 0.0, 1.0)
+    name = f"--threshold {threshold:g}" if threshold else f"--measure {how}"
+    text = (
+        f"the height by {name} differs by {value:.3g} nm rms from that by {BEST}, "
+        "which noise and background do not bias"
+    )
+    return Check("measure", WARNING if value > limit else OK, value, limit, 1e-3, text)
+
+
+def _facts(
+    result: Reconstruction, how: str, bars: ErrorBars | None, checks: list[Check], zernike: str
+) -> MeasuredFacts:
+    """The facts; adds what islands, misfit and Zernike fit show to the checks."""
     joined = result.height_mask
     left = {t: remove_terms(result.x_mm, result.y_mm, result.deviation_mm, joined, t) for t in HEIGHT_TERMS}
     deviation = {terms: rms(height, joined) * 1e6 for terms, height in left.items()}
-    found = coefficients(result, kind=zernike)
-    islands, misfit = island_facts(result, result.deviation_mm), misfit_facts(result.misfit())
-    fit, hole = fit_facts(found), nominal.mirror.obscuration_mm > 0
+    found = coefficients(result, kind=zernike, bars=bars)
+    slope_noise = (bars.slope_x, bars.slope_y) if bars else None
+    islands, misfit = island_facts(result, result.deviation_mm), misfit_facts(result.misfit(slope_noise))
+    fit, hole = fit_facts(found), result.nominal.mirror.obscuration_mm > 0
+    checks += quality_checks(islands, misfit, fit, hole)
     columns = zip(found.fit.nolls, found.um.tolist(), found.standard_error_um.tolist(), found.fit.inflation.tolist(),
                   strict=True)  # fmt: skip
+    unknown = float("nan")
+    slopes = {a: rms(getattr(bars, f"slope_{a}"), result.mask) * 1e6 if bars else unknown for a in ("x", "y")}
+    bound = dict.fromkeys(("x", "y"), unknown)
+    for estimate in result.estimates_of_scans or ():
+        bound[estimate.scan.axis] = _of_bound(estimate)
     return {
-        "scene": nominal.name,
+        "scene": result.nominal.name,
         "measure": how,
         "refinement_updates_nm": list(result.updates_nm),
         "pixels_used": result.pixels_used,
         "light_curves_refused": cast("Refused", result.refused()),
         "deviation_nm_rms": cast("HeightErrors", deviation),
+        "slope_standard_error_urad": cast("AlongAxes", slopes),
+        "height_standard_error_nm": rms(bars.height_mm, joined) * 1e6 if bars else unknown,
+        "of_bound": cast("AlongAxes", bound),
         "zernike": [
             {"noll": noll, "output_um": um, "standard_error_um": error, "inflation": inflation}
             for noll, um, error, inflation in columns
@@ -60,5 +132,13 @@ def measure(
         "zernike_fit": fit,
         "islands": islands,
         "integration_misfit": misfit,
-        "warnings": quality_warnings(islands, misfit, fit, hole),
+        "checks": [cast("CheckFacts", asdict(check)) for check in checks],
     }
+
+
+def _of_bound(estimate: ScanEstimate) -> float:
+    """Standard error of the centroids over its Cramer-Rao bound, the median over the good curves."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = (estimate.error_mm / estimate.bound_mm)[estimate.flags == Flag.GOOD]
+    ratio = ratio[np.isfinite(ratio)]
+    return float(np.median(ratio)) if ratio.size else float("nan")

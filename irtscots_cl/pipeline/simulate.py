@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,10 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.results.paths import PathLight
 from irtscots_cl.tracing.results.transport import LineLight, Transport
 from irtscots_cl.tracing.trace import trace
+
+if TYPE_CHECKING:
+    from irtscots_cl.scene.detector_noise import DetectorNoise
+    from irtscots_cl.scene.screen_response import ScreenResponse
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,8 @@ def simulate(
     measure: str = "paper",
     zernike: str = "circular",
     parts: bool = False,
+    noise: DetectorNoise | None = None,
+    response: ScreenResponse | None = None,
     device: Device | Sequence[Device] | None = None,
     client=None,
     progress: Callable[[int, int], None] | None = None,
@@ -51,24 +58,37 @@ def simulate(
 ) -> Run:
     """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
 
-    scene: a scene, or a Setup of it. measure: a name of methods.MEASURES. zernike: kind of the terms that
-    are fitted, of coefficients.KINDS. parts: also separate the height error into
-    its terms; float rounding is separated on the first device, not with a client. device, client, progress,
-    trace_options: as of `trace`. Raises as `trace` and `measure_by` do.
+    scene: a scene, or a Setup of it. measure: a name of methods.MEASURES. zernike: kind of the terms that are fitted,
+    of coefficients.KINDS. parts: also separate the height error into its terms; float rounding is separated on the
+    first device, not with a client. noise, response: of the detector and the screen, instead of the scene's own.
+    device, client, progress, trace_options: as of `trace`. Raises as `trace`, `measure_by` and, with noise,
+    noise.check_noise do.
     """
     started = time.perf_counter()
     setup = Setup.of(scene)
+    take_images = _clean_images
+    if noise is not None or response is not None or setup.scene.has_noise_tables:
+        from irtscots_cl.pipeline.noise import noisy_images, set_up_noise  # imported late: few runs have noise
+
+        setup, is_noisy = set_up_noise(setup, noise, response, parts, **trace_options)
+        take_images = noisy_images if is_noisy else _clean_images
     scene = setup.scene
     transport = trace(setup, device=device, client=client, progress=progress, **trace_options)
     traced = time.perf_counter()
-    stack = transport.images(LineScan(scene))
+    stack, more_facts = take_images(transport)
     result = measure_by(measure, stack, setup.nominal)
     measured = time.perf_counter()
     comparison, predicted = compare(result, scene, zernike), predict_error(result, stack)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
     separated = error_terms(result, setup, measure, transport.options, device) if parts else ()
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
+    report.update(more_facts)
     return Run(transport, stack, result, comparison, separated, report)
+
+
+def _clean_images(transport: Transport | LineLight) -> tuple[ImageStack, dict]:
+    """The images of a trace without noise, about which the report has nothing more to say."""
+    return transport.images(LineScan(transport.scene)), {}
 
 
 def outlook(traced: Transport | LineLight | PathLight, measure: str, nominal: Setup | None = None) -> str:

@@ -18,7 +18,7 @@ from irtscots_cl.analysis.comparison import compare
 from irtscots_cl.analysis.error_terms import rounding_height_nm
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.imaging.patterns import LineScan
-from irtscots_cl.measurement.methods import MEASURES, measure_by
+from irtscots_cl.measurement.methods import MEASURES, NOISE_FREE, measure_by
 from irtscots_cl.measurement.prediction import predict_error
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.optics.setup import Setup
@@ -71,6 +71,15 @@ def check_target(target_nm: float, estimator: str) -> None:
         raise ValueError(f"--target-nm: --estimator = {estimator!r}: must be one of {', '.join(ESTIMATORS)}")
 
 
+def check_without_noise(scene: Scene) -> None:
+    """Refuse, with a ValueError, a scene whose camera or screen has noise, which no number of rays removes."""
+    tables = {"camera.detector.noise": scene.camera.detector.noise, "screen.response": scene.screen.response}
+    for key, table in tables.items():
+        if table is not None:
+            must = f"must be left out with a table [{key}]: it chooses rays, for images without noise"
+            raise ValueError(f"--target-nm: {must}")
+
+
 def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed: Any) -> list[Setting]:
     """Settings that are predicted to meet the target, the cheapest first.
 
@@ -78,7 +87,7 @@ def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed: Any) -
     meets the target, or for a choice that is out of range.
     """
     check_target(target_nm, fixed.get("estimator", "adjoint"))
-    measures = [fixed["measure"]] if "measure" in fixed else list(MEASURES)
+    measures = [fixed["measure"]] if "measure" in fixed else list(NOISE_FREE)
     setup = Setup.of(scene)
     noise_free, scene = _noise_free(setup), setup.scene
     pilots = [(way, _pilot(setup, device, way, measures)) for way in _ways(device, fixed)]
@@ -169,9 +178,11 @@ def run_to_target(
 ) -> Run:
     """Run the cheapest setting that is predicted to meet the target, with more rays should it miss.
 
-    fixed: see `plan`. The run's report says under "target" what was wanted, predicted and reached.
+    fixed: see `plan`. The run's report says under "target" what was wanted, predicted and reached. Raises ValueError as
+    `plan` does, and for a scene with noise.
     """
     setup = Setup.of(scene)
+    check_without_noise(setup.scene)
     chosen = plan(setup, target_nm, device, **fixed)[0]
     for attempt in range(1 + RERUNS):
         run = simulate(

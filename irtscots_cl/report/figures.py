@@ -56,7 +56,7 @@ def image_figure(stack: ImageStack) -> Figure:
                 xlabel="detector column",
                 ylabel="detector row",
             )
-            figure.colorbar(picture, ax=axes, label="flux [W]")
+            figure.colorbar(picture, ax=axes, label=f"flux [{scan.unit}]")
     return figure
 
 
@@ -87,7 +87,7 @@ def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
         axes.set(
             title=f"{scan.axis} scan, pixel [{row}, {column}]",
             xlabel=f"line {scan.axis} on the screen [mm]",
-            ylabel="flux [W]",
+            ylabel=f"flux [{scan.unit}]",
             xlim=(line[0], line[-1]),
         )
         axes.legend(fontsize=8)

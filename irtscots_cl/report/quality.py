@@ -9,6 +9,7 @@ from irtscots_cl.maths.integration import Islands, Misfit, separate_islands
 from irtscots_cl.maths.integration.islands import JOIN_LIMIT
 from irtscots_cl.maths.low_order import rms
 from irtscots_cl.measurement.coefficients import Coefficients
+from irtscots_cl.measurement.quality import OK, WARNING, Check
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.report.types import IslandFacts, IslandReport, MisfitFacts, ZernikeFitFacts
 
@@ -67,31 +68,52 @@ def fit_facts(found: Coefficients) -> ZernikeFitFacts:
     }
 
 
-def quality_warnings(islands: IslandReport, misfit: MisfitFacts, fit: ZernikeFitFacts, mirror_hole: bool) -> list[str]:
-    """One line for each thing that a user must know before the heights are used.
+def quality_checks(islands: IslandReport, misfit: MisfitFacts, fit: ZernikeFitFacts, mirror_hole: bool) -> list[Check]:
+    """What a user must know before the heights are used, as checks.
 
     mirror_hole: whether the mirror has a central hole, so that annular terms may help.
     """
-    lines = []
-    if islands["groups"] > 1:
-        lines.append(
-            f"the mask has {islands['count']} islands in {islands['groups']} groups whose pistons against each other "
-            f"are unknown (gaps too wide for the deviation); heights are of the largest group, "
-            f"{islands['pixels_in_heights']} pixels"
-            + (f"; {islands['pixels_alone']} single pixels have no height" if islands["pixels_alone"] else "")
-        )
-    if misfit["suspicious"]:
-        noise = misfit["noise_urad_rms"]
-        lines.append(
-            f"{misfit['urad_rms']:.3g} urad rms of the slopes belong to no surface (limit "
-            f"{misfit['limit_urad_rms']:.3g}"
-            + (f", noise {noise:.3g}" if np.isfinite(noise) else "")
-            + "): check the images' orientation, the order of the lines and the line positions"
-        )
-    if fit["dropped"]:
-        way = " (--zernike annular can)" if mirror_hole and fit["kind"] == "circular" else ""
-        lines.append(
-            f"the pixels cannot separate {len(fit['dropped'])} Zernike terms, from Noll {fit['dropped'][0]} on{way}: "
-            f"left out (condition {fit['condition_of_all']:.2g}, {fit['condition']:.2g} without them)"
-        )
-    return lines
+    return [_island_check(islands), _misfit_check(misfit), _fit_check(fit, mirror_hole)]
+
+
+def quality_warnings(
+    islands: IslandReport, misfit: MisfitFacts, fit: ZernikeFitFacts, mirror_hole: bool
+) -> list[str]:
+    """The texts of those quality_checks that do not pass."""
+    return [check.text for check in quality_checks(islands, misfit, fit, mirror_hole) if check.level != OK]
+
+
+def _island_check(islands: IslandReport) -> Check:
+    groups = islands["groups"]
+    if groups == 1:
+        return Check("islands", OK, 1.0, 1.0, 1e-3, f"{islands['count']} islands of pixels, all joined")
+    alone = islands["pixels_alone"]
+    text = (
+        f"the mask has {islands['count']} islands in {groups} groups whose pistons against each other are unknown "
+        f"(gaps too wide for the deviation); heights are of the largest group, {islands['pixels_in_heights']} pixels"
+        + (f"; {alone} single pixels have no height" if alone else "")
+    )
+    return Check("islands", WARNING, float(groups), 1.0, 1e-3, text)
+
+
+def _misfit_check(misfit: MisfitFacts) -> Check:
+    value, limit, noise = misfit["urad_rms"], misfit["limit_urad_rms"], misfit["noise_urad_rms"]
+    text = f"{value:.3g} urad rms of the slopes belong to no surface (limit {limit:.3g}"
+    text += f", noise {noise:.3g})" if np.isfinite(noise) else ")"
+    if not misfit["suspicious"]:
+        return Check("integration misfit", OK, value, limit, 1e-6, text)
+    text += ": check the images' orientation, the order of the lines and the line positions"
+    return Check("integration misfit", WARNING, value, limit, 1e-6, text)
+
+
+def _fit_check(fit: ZernikeFitFacts, mirror_hole: bool) -> Check:
+    dropped, condition = fit["dropped"], fit["condition"]
+    if not dropped:
+        text = f"the pixels separate all Zernike terms (condition {condition:.2g})"
+        return Check("zernike terms", OK, 0.0, 0.0, 0.0, text)
+    way = " (--zernike annular can)" if mirror_hole and fit["kind"] == "circular" else ""
+    text = (
+        f"the pixels cannot separate {len(dropped)} Zernike terms, from Noll {dropped[0]} on{way}: left out (condition "
+        f"{fit['condition_of_all']:.2g}, {condition:.2g} without them)"
+    )
+    return Check("zernike terms", WARNING, float(len(dropped)), 0.0, 0.0, text)

@@ -10,13 +10,21 @@ import numpy as np
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.maths.integration import separate_islands
 from irtscots_cl.maths.statistics import jackknife_error
+from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.system.atomic_files import replacing
 
 
-def write_result(path: Path, stack: ImageStack, result: Reconstruction, attributes: dict[str, str]) -> None:
-    """Write result.h5: images [lines, rows, columns] in W with standard errors, lines, mirror points, mask, centroids,
-    slopes and height. attributes: of the file (scene as TOML, seed, device, versions)."""
+def write_result(
+    path: Path,
+    stack: ImageStack,
+    result: Reconstruction,
+    attributes: dict[str, str],
+    bars: ErrorBars | None = None,
+) -> None:
+    """Write result.h5: images [lines, rows, columns] in the stack's unit with standard errors, lines, mirror points,
+    mask, centroids, slopes and height. attributes: of the file (scene as TOML, seed, device, versions). bars: standard
+    errors from the noise of the images, where the measure gives them; else those of the height are the replicates'."""
     islands = result.islands or separate_islands(result.mask)
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         for key, value in attributes.items():
@@ -39,9 +47,27 @@ def write_result(path: Path, stack: ImageStack, result: Reconstruction, attribut
             ("slope/y_rad", result.slope_y, "rad"),
             ("height_mm", result.height_mm, "mm"),
             ("deviation_nm", result.deviation_mm * 1e6, "nm"),
-            ("height_standard_error_nm", result.height_standard_error_mm() * 1e6, "nm"),
+            ("height_standard_error_nm", (bars.height_mm if bars else result.height_standard_error_mm()) * 1e6, "nm"),
+            *_error_maps(result, bars),
         ):
             _write(file, name, values, unit)
+
+
+def _error_maps(result: Reconstruction, bars: ErrorBars | None) -> list[tuple[str, np.ndarray, str]]:
+    """Standard errors of centroids and slopes, and the chi-square of the light curves, by name and with their unit."""
+    if bars is None:
+        return []
+    maps = [("slope/x_standard_error_rad", bars.slope_x, "rad"), ("slope/y_standard_error_rad", bars.slope_y, "rad")]
+    for estimate in result.estimates_of_scans or ():
+        axis = estimate.scan.axis
+        for name, values, unit in (
+            (f"centroid/{axis}_standard_error_mm", estimate.error_mm, "mm"),
+            (f"light_curve/{axis}_chi_square", estimate.chi_square, "1"),
+        ):
+            on_grid = np.full(result.mask.shape, np.nan)
+            on_grid.ravel()[estimate.scan.pixels] = values
+            maps.append((name, on_grid, unit))
+    return maps
 
 
 def _write(file: h5py.File, name: str, values: np.ndarray, unit: str) -> None:
@@ -55,6 +81,6 @@ def _write_images(file: h5py.File, name: str, scan: Scan, values: np.ndarray) ->
     images = file.create_dataset(
         name, shape, np.float64, chunks=(1, *scan.shape), compression="gzip", compression_opts=1, shuffle=True
     )
-    images.attrs["unit"] = "W"
+    images.attrs["unit"] = scan.unit
     for line in range(shape[0]):
         images[line] = scan.image(line, values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Literal, cast
 
 from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.maths.statistics import Estimate
@@ -15,6 +15,7 @@ from irtscots_cl.report.types import (
     IslandReport,
     MeasuredFacts,
     MisfitFacts,
+    NoiseFacts,
     PathReport,
     Refused,
     Report,
@@ -72,6 +73,8 @@ def as_xy(values: tuple[float, float]) -> AlongAxes:
 def summary_tables(report: Report) -> list[Table]:
     """The short tables of a run: speed, errors and their predictions, islands, Zernike coefficients of the scene."""
     tables = [_run_table(report), _error_table(report)]
+    if "noise" in report:
+        tables.insert(1, _noise_table(report["noise"]))
     if report["error_parts"]:
         tables.append(_parts_table(report))
     if "target" in report:
@@ -148,27 +151,34 @@ def _run_table(report: Report) -> Table:
     )
 
 
-def measured_table(facts: MeasuredFacts) -> Table:
-    """The results of pipeline.measure for a lab's images."""
+def measured_tables(facts: MeasuredFacts) -> list[Table]:
+    """The results of pipeline.measure for a lab's images: the deviation, the islands, the Zernike coefficients, and the
+    checks that did not pass."""
     rows = [("pixels used", pixels_text(facts["pixels_used"], facts["light_curves_refused"]))]
     rows += [(f"without {terms.replace('_', ', ')} [nm]", f"{v:.4g}") for terms, v in facts["deviation_nm_rms"].items()]
-    return Table("Deviation from the design, rms", ("", ""), rows)
+    if math.isfinite(facts["height_standard_error_nm"]):
+        slopes, bound = facts["slope_standard_error_urad"], facts["of_bound"]
+        rows += [
+            ("standard error of the height [nm]", f"{facts['height_standard_error_nm']:.3g}"),
+            ("standard error of the slopes [urad]", f"{slopes['x']:.3g}, {slopes['y']:.3g}"),
+            ("centroids' error / Cramer-Rao bound", f"{bound['x']:.3g}, {bound['y']:.3g}"),
+        ]
+    rows += [("slopes of no surface", misfit_text(facts["integration_misfit"]))]
+    tables = [Table("Deviation from the design, rms", ("", ""), rows), *island_tables(facts["islands"])]
+    tables.append(_coefficient_table(facts))
+    failed = [(c["name"], c["level"], c["text"]) for c in facts["checks"] if c["level"] != "ok"]
+    passed = len(facts["checks"]) - len(failed)
+    if failed:
+        tables.append(Table(f"Checks of the images: {passed} passed, these did not", ("check", "verdict", ""), failed))
+    return tables
 
 
-def measured_tables(facts: MeasuredFacts) -> list[Table]:
-    """All tables of a lab's images: deviation, islands, Zernike coefficients."""
-    table = measured_table(facts)
-    misfit = ("slopes of no surface", misfit_text(facts["integration_misfit"]))
+def _coefficient_table(facts: MeasuredFacts) -> Table:
     fit = facts["zernike_fit"]
-    source = {"replicates": "of the replicates", "misfit": "of the slopes' misfit", "none": "unknown"}
     rows = [(str(t["noll"]), str(Estimate(t["output_um"], t["standard_error_um"]))) for t in facts["zernike"]]
-    rows += [("errors", source[fit["standard_errors_from"]])]
+    rows += [("errors from", fit["standard_errors_from"])]
     rows += [("left by the fit", f"{fit['residual_nm_rms']:.3g} nm rms")]
-    return [
-        Table(table.title, table.head, [*table.rows, misfit]),
-        *island_tables(facts["islands"]),
-        Table(_zernike_title(fit), ("term", "[um]"), rows),
-    ]
+    return Table(_zernike_title(fit), ("term", "[um]"), rows)
 
 
 def pixels_text(used: int, refused: Refused) -> str:
@@ -224,6 +234,20 @@ def _target_table(target: Target) -> Table:
         ("runs", str(target["attempts"])),
     ]
     return Table(f"Target: height error {target['target_nm']:g} nm, piston and tilt removed", ("", ""), rows)
+
+
+def _noise_table(noise: NoiseFacts) -> Table:
+    """What the camera and the screen did to the images."""
+    rows = [("images in", noise["unit"])]
+    if math.isfinite(noise["electrons_at_peak"]):
+        rows.append(("electrons at peak", f"{noise['electrons_at_peak']:.4g}"))
+    if math.isfinite(noise["saturation"]):
+        rows.append((f"saturated at [{noise['unit']}]", f"{noise['saturation']:g}"))
+    parts: tuple[Literal["detector", "screen"], ...] = ("detector", "screen")
+    for part in parts:
+        if values := noise[part]:
+            rows.append((part, ", ".join(f"{key} {value}" for key, value in values.items())))
+    return Table("Noise", ("", ""), rows)
 
 
 def _parts_table(report: Report) -> Table:

@@ -76,6 +76,18 @@ class Refused(TypedDict):
     clipped: int
     stray: int
     saturated: int
+    masked: int
+
+
+class CheckFacts(TypedDict):
+    """One check of the images. level: ok, warning or error. false_alarm: chance that good images fail it."""
+
+    name: str
+    level: str
+    value: float
+    limit: float
+    false_alarm: float
+    text: str
 
 
 class Predicted(TypedDict):
@@ -185,6 +197,19 @@ class Target(TypedDict):
     predicted: SettingFacts
 
 
+class NoiseFacts(TypedDict):
+    """What a run's camera and screen did to the images. detector, screen: the keys of the scene's tables that were
+    given. electrons_per_w, electrons_at_peak: of a frame of a nominal pixel, NaN in images in W; saturation: in the
+    images' unit, infinite without a limit."""
+
+    unit: str
+    electrons_per_w: float
+    electrons_at_peak: float
+    saturation: float
+    detector: dict[str, object]
+    screen: dict[str, object]
+
+
 class Report(TypedDict):
     """report.json. Numbers that do not exist are NaN here and null in the file."""
 
@@ -221,6 +246,7 @@ class Report(TypedDict):
     integration_misfit: MisfitFacts
     warnings: list[str]
     target: NotRequired[Target]
+    noise: NotRequired[NoiseFacts]
 
 
 class Staying(TypedDict):
@@ -275,7 +301,12 @@ class PathReport(TypedDict):
 
 
 class MeasuredFacts(TypedDict):
-    """What `irtscots reconstruct` tells of a lab's images, named as in report.json."""
+    """What `irtscots reconstruct` tells of a lab's images, named as in report.json.
+
+    height_standard_error_nm: rms over the pixels used, from the noise in the images, piston and tilt removed.
+    of_bound: how the centroids' standard errors compare with the least that the samples allow (Cramer-Rao), the
+    median over the pixels.
+    """
 
     scene: str
     measure: str
@@ -287,4 +318,7 @@ class MeasuredFacts(TypedDict):
     zernike_fit: ZernikeFitFacts
     islands: IslandReport
     integration_misfit: MisfitFacts
-    warnings: list[str]
+    slope_standard_error_urad: AlongAxes
+    height_standard_error_nm: float
+    of_bound: AlongAxes
+    checks: list[CheckFacts]

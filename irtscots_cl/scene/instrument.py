@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -41,7 +41,10 @@ def _check_pixels(pixels: tuple[int, int], most: int) -> None:
 
 @checked("screen")
 class Screen:
-    """A Lambertian screen; `centre_offset_mm` moves its grid of square pixels in the screen's own x, y."""
+    """A Lambertian screen; `centre_offset_mm` moves its grid of square pixels in the screen's own x, y.
+
+    response: a screen_response.ScreenResponse, or None for an even and steady screen.
+    """
 
     position_mm: PointMm
     pixels: PixelGrid
@@ -50,24 +53,45 @@ class Screen:
     radiance: Radiance = 1.0
     emission: Annotated[Literal["lambertian"], Field(description="'lambertian'")] = "lambertian"
     centre_offset_mm: OffsetMm = (0.0, 0.0)
+    response: Annotated[Any, Field(description="a table [screen.response]")] = None
 
     @model_validator(mode="after")
     def _check(self) -> Screen:
         _check_pixels(self.pixels, MAX_SCREEN_PIXELS)
+        if self.response is not None:
+            self._check_response()
         _check_direction(self)
         return self
+
+    def _check_response(self) -> None:
+        if not hasattr(self.response, "needs_map"):
+            refuse(("response",), self.response, "be a ScreenResponse of irtscots_cl.scene.screen_response")
+        columns, rows = self.pixels
+        for key, count in (("dead_columns", columns), ("dead_rows", rows)):
+            if max(getattr(self.response, key), default=0) >= count:
+                value = max(getattr(self.response, key))
+                refuse(("response", key), value, f"be below {count}, the number of the screen's lines")
+        for pixel in self.response.dead_pixels:
+            if pixel[0] >= columns or pixel[1] >= rows:
+                refuse(("response", "dead_pixels"), pixel, f"lie on the screen of {columns} columns, {rows} rows")
 
 
 @checked("detector")
 class Detector:
-    """A grid of square pixels behind the lens."""
+    """A grid of square pixels behind the lens.
+
+    noise: a detector_noise.DetectorNoise, or None for images of the flux, without noise.
+    """
 
     pixels: PixelGrid
     pitch_mm: PositiveMm
+    noise: Annotated[Any, Field(description="a table [camera.detector.noise]")] = None
 
     @model_validator(mode="after")
     def _check(self) -> Detector:
         _check_pixels(self.pixels, MAX_DETECTOR_PIXELS)
+        if self.noise is not None and not hasattr(self.noise, "is_nonlinear"):
+            refuse(("noise",), self.noise, "be a DetectorNoise of irtscots_cl.scene.detector_noise")
         return self
 
 

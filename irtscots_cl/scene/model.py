@@ -77,6 +77,10 @@ class Scene:
         if isinstance(data, dict) and isinstance(data.get("element"), list):
             elements = [_with_scatter(entry, source, ("element", k)) for k, entry in enumerate(data["element"])]
             data = {**data, "element": elements}
+        if isinstance(data, dict) and _has_noise_tables(data):
+            from irtscots_cl.scene.noise_tables import checked_tables  # imported late: few scenes have any
+
+            data = checked_tables(data, source)
         scene: Scene = _validated(cls, data, source)
         return scene
 
@@ -85,6 +89,11 @@ class Scene:
         """Whether light goes only from the screen to the mirror to a paraxial camera."""
         return not self.element and self.camera.lens == "paraxial" and self.mirror.scatter is None
 
+    @property
+    def has_noise_tables(self) -> bool:
+        """Whether the scene says what a real camera or screen does to its images."""
+        return self.camera.detector.noise is not None or self.screen.response is not None
+
     def nominal(self) -> Scene:
         """The same test of the mirror as designed, without its deviation."""
         return dataclasses.replace(self, mirror=dataclasses.replace(self.mirror, zernike=()))
@@ -92,6 +101,13 @@ class Scene:
     def to_toml(self) -> str:
         """TOML text that loads back to an equal scene."""
         return toml_table((), self).lstrip("\n")
+
+
+def _has_noise_tables(data: dict[str, Any]) -> bool:
+    """Whether the data of a file have a table [camera.detector.noise] or [screen.response]."""
+    screen, camera = data.get("screen"), data.get("camera")
+    detector = camera.get("detector") if isinstance(camera, dict) else None
+    return (isinstance(screen, dict) and "response" in screen) or (isinstance(detector, dict) and "noise" in detector)
 
 
 # --- the TOML form ------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from importlib import resources
 from typing import TYPE_CHECKING, Any
@@ -52,6 +53,24 @@ def load_scene(name_or_path: str | os.PathLike[str]) -> Scene:
     is_name = isinstance(name_or_path, str) and not _is_path(source)
     data = preset_text(source).encode("utf-8") if is_name else _read(source)
     return Scene.from_dict(_parse(data, source), source)
+
+
+def with_noise_file(scene: Scene, path: str | os.PathLike[str]) -> Scene:
+    """The scene with the tables [camera.detector.noise] and [screen.response] of a TOML file that has nothing else.
+
+    A table of the file takes the place of the scene's own; one that the file lacks stays as it is in the scene. Raises
+    SceneError for an unreadable file, one with neither table, or an invalid value.
+    """
+    from irtscots_cl.scene.noise_tables import noise_from_file  # imported late: few runs need it
+
+    source = os.fsdecode(path)
+    noise, response = noise_from_file(_parse(_read(source), source), source)
+    if noise is not None:
+        detector = dataclasses.replace(scene.camera.detector, noise=noise)
+        scene = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, detector=detector))
+    if response is not None:
+        scene = dataclasses.replace(scene, screen=dataclasses.replace(scene.screen, response=response))
+    return scene
 
 
 def parse_scene(text: str, source: str = "scene") -> Scene:

@@ -51,6 +51,13 @@ def _not_zero(value: float) -> float:
 
 
 _ARRAY = (Strict(), WrapValidator(_whole))
+
+
+def array_of(text: str) -> tuple[Any, ...]:
+    """Annotations of a tuple that a file gives as an array, with its text for error messages."""
+    return (*_ARRAY, Field(description=text))
+
+
 _Coordinate = Annotated[float, Strict(), bounded(ge=-MAX_LENGTH_MM, le=MAX_LENGTH_MM)]
 _Count = Annotated[int, Strict(), Field(ge=1, le=MAX_PIXELS_PER_AXIS)]
 _GRID_TEXT = f"[columns, rows], two integers from 1 to {MAX_PIXELS_PER_AXIS}"
@@ -92,6 +99,11 @@ _COEFFICIENT_RANGE = bounded(ge=-1e6, le=1e6)
 Coefficients = Annotated[
     dict[Annotated[int, Strict()], Annotated[float, Strict(), _COEFFICIENT_RANGE]],
     Field(description="a table { index = micrometres } of at least one term", min_length=1),
+]
+# TOML's integers have 64 bits and a sign.
+Seed = Annotated[int, Strict(), Field(ge=0, lt=2**63, description="an integer from 0 to 2^63 - 1")]
+NumpyFile = Annotated[
+    Annotated[str, Strict(), Field(min_length=1, max_length=4096)] | None, Field(description="the path of an NPY file")
 ]
 SceneName = Annotated[str, Strict(), Field(pattern=r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,63}$", description=_NAME_TEXT)]
 

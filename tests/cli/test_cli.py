@@ -695,3 +695,50 @@ def test_run_takes_the_choices_of_the_nonsequential_estimator_for_it_alone(irtsc
         irtscots("run", "sphere", "--estimator", "nonsequential", *option)
     name = {"--no-aimed-scatter": "aimed_scatter"}.get(option[0], option[0].strip("-").replace("-", "_"))
     assert str(seen[0][name]) == (option[1] if option[1:] else "False")
+
+
+# --- noise --------------------------------------------------------------------------------------------------
+
+CAMERA = """[camera.detector.noise]
+electrons_at_peak = 1e5
+shot_noise = true
+bits = 12
+gain_e_per_dn = 30.0
+exposures = 2
+"""
+
+
+def test_run_takes_noise_from_a_file(irtscots, here):
+    (here / "small.toml").write_text(small_toml())
+    (here / "camera.toml").write_text(CAMERA)
+    arguments = ("run", "./small.toml", "--estimator", "analytic", "--noise", "camera.toml", "--json", "--quiet")
+    code, out, _ = irtscots(*arguments)
+    assert code == 0
+    report = json.loads(out)
+    assert report["noise"]["saturation"] == 4095
+    assert report["noise"]["detector"]["bits"] == 12
+    with h5py.File("irtscots-out/sphere-deviated/result.h5") as file:
+        assert file["images/x"].attrs["unit"] == "DN"
+        doubled = file["images/x"][()] * 2  # the mean of two exposures
+        np.testing.assert_array_equal(doubled, np.rint(doubled))
+        own = file.attrs["scene"]
+    (here / "own.toml").write_text(own)  # the scene of a result repeats it
+    code, again, _ = irtscots("run", "./own.toml", "--estimator", "analytic", "--json", "--quiet")
+    assert code == 0
+    assert json.loads(again)["height_error_nm_rms"] == report["height_error_nm_rms"]
+
+
+def test_noise_that_does_not_work_is_refused(irtscots, here):
+    (here / "camera.toml").write_text(CAMERA)
+    (here / "empty.toml").write_text("")
+    (here / "map.toml").write_text('[screen.response]\nbrightness_map = "no.npy"\n')
+    for file, options, parts in (
+        ("camera.toml", ("--parts",), ["--parts: must be left out with noise"]),
+        ("camera.toml", ("--target-nm", "5"), ["--target-nm: must be left out with a table [camera.detector.noise]"]),
+        ("camera.toml", ("--replicates", "1", "--smoothing", "--noise", "none.toml"), ["none.toml: cannot be read"]),
+        ("empty.toml", (), ["empty.toml: has no noise; must have a table [camera.detector.noise] or "]),
+        ("map.toml", (), ["no.npy: screen.response.brightness_map: cannot be read: No such file"]),
+        ("map.toml", ("--smoothing",), ["screen.response: uneven brightness", "which --smoothing does not give"]),
+    ):
+        assert_refused(irtscots("run", "sphere", "--noise", file, *options), 2, *parts)
+    assert everything_in(here) == ["camera.toml", "empty.toml", "map.toml"]

@@ -51,6 +51,18 @@ def test_what_only_one_replicate_saw_is_dark_without_it():
     assert (scan.jackknife_w()[3, 1] == 0).all()
 
 
+def test_negative_samples_of_noise_keep_their_sign():
+    scan = some_scan(replicates=6)
+    scan.weights[:] = 1.0
+    scan.flux_w[:] -= 1.25  # the middle of the samples' range
+    assert (scan.jackknife_w()[1:] < 0).mean() > 0.2
+    np.testing.assert_allclose(
+        scan.standard_error_w(),
+        scan.flux_w.std(0, ddof=1) / np.sqrt(6),
+        rtol=1e-10,  # through differences of the means
+    )
+
+
 def test_a_single_replicate_has_no_error_bar():
     scan = some_scan(replicates=1)
     assert scan.jackknife_w().shape == (1, 4, 3)

@@ -17,7 +17,7 @@ from irtscots_cl.measurement.reconstruction import reconstruct
 from irtscots_cl.report.facts import build_report, path_facts
 from irtscots_cl.report.html import write_html
 from irtscots_cl.report.quality import fit_facts, island_facts, misfit_facts, quality_warnings
-from irtscots_cl.report.tables import island_tables, measured_table, path_tables, summary_tables
+from irtscots_cl.report.tables import island_tables, measured_tables, path_tables, summary_tables
 from irtscots_cl.system.atomic_files import plain
 from irtscots_cl.system.versions import versions
 from irtscots_cl.tracing.options import TraceOptions
@@ -198,18 +198,32 @@ def test_a_mirror_without_deviation_has_no_table_of_coefficients(report):
     assert len(summary_tables(plain_mirror)) == 2
 
 
-def test_a_measurement_s_table():
+def test_a_measurement_s_tables():
+    nan = float("nan")
     facts = {
         "scene": "a",
         "pixels_used": 9000,
         "light_curves_refused": {"empty": 0, "clipped": 12},
         "deviation_nm_rms": {"piston": 384.12, "piston_tilt": 1.0},
-    }
-    assert measured_table(facts).rows == [
+        "height_standard_error_nm": nan,
+        "integration_misfit": {"urad_rms": 0.5, "noise_urad_rms": nan, "limit_urad_rms": 0.25, "suspicious": True},
+        "islands": {"count": 1, "groups": 1},
+        "zernike": [{"noll": 4, "output_um": 0.25, "standard_error_um": 0.001, "inflation": 1.0}],
+        "zernike_fit": {"kind": "annular", "obscuration_ratio": 0.3, "condition": 1.1, "residual_nm_rms": 2.0,
+                        "standard_errors_from": "misfit"},
+        "checks": [{"name": "integration misfit", "level": "warning", "text": "much"},
+                   {"name": "islands", "level": "ok", "text": ""}],
+    }  # fmt: skip
+    deviation, zernike, checks = measured_tables(facts)
+    assert deviation.rows == [
         ("pixels used", "9,000, not used: 12 clipped"),
         ("without piston [nm]", "384.1"),
         ("without piston, tilt [nm]", "1"),
+        ("slopes of no surface", "0.5 urad (limit 0.25)"),
     ]
+    assert zernike.title == "Zernike coefficients (annular, hole 0.3); condition 1.1"
+    assert zernike.rows == [("4", "0.25 +- 0.001"), ("errors from", "misfit"), ("left by the fit", "2 nm rms")]
+    assert checks.rows == [("integration misfit", "warning", "much")] and "1 passed" in checks.title
 
 
 def in_halves(gap: int):
@@ -248,7 +262,8 @@ def test_pistons_that_are_unknown_are_told():
     assert "2 islands in 2 groups whose pistons against each other are unknown" in text
     assert fit["dropped"] and f"from Noll {fit['dropped'][0]} on (--zernike annular can): left out" in text
     suspicious = misfit | {"suspicious": True, "urad_rms": 5.0, "limit_urad_rms": 1.0}
-    assert "5 urad rms of the slopes belong to no surface (limit 1)" in quality_warnings(facts, suspicious, fit, False)[1]
+    told = quality_warnings(facts, suspicious, fit, False)
+    assert "5 urad rms of the slopes belong to no surface (limit 1)" in told[1] and len(told) == 3
 
 
 def test_terms_that_cannot_be_told_apart_have_no_number(report):

@@ -17,6 +17,8 @@ from irtscots_cl.pipeline.simulate import simulate
 from irtscots_cl.pipeline.target import Setting
 from irtscots_cl.report.facts import path_facts
 from irtscots_cl.report.types import DeviceFacts, Ledger, MeasuredFacts, PathReport, Report, SettingFacts
+from irtscots_cl.scene.detector_noise import DetectorNoise
+from irtscots_cl.scene.screen_response import ScreenResponse
 from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.results.paths import LostFlux, PathFlux, PathLight
 
@@ -58,7 +60,14 @@ def test_report():
     check(report, Report)
     assert report["error_parts"] and report["zernike"]
     assert report.keys() == Report.__required_keys__
-    assert Report.__optional_keys__ == {"target"}
+    assert Report.__optional_keys__ == {"target", "noise"}
+
+
+def test_report_of_a_run_with_noise():
+    noise, response = DetectorNoise(electrons_at_peak=1e4, shot_noise=True), ScreenResponse(drift=0.01)
+    report = simulate(small_scene(), estimator="analytic", noise=noise, response=response).report
+    check(report, Report)
+    assert report.keys() == Report.__required_keys__ | {"noise"}
 
 
 def test_setting_of_a_target():

@@ -34,6 +34,10 @@ class PixelQuadrature:
     weight: np.ndarray
     push: np.ndarray
 
+    def part(self, chosen: slice | np.ndarray) -> PixelQuadrature:
+        """Some of the cells: a slice, or a mask [m]."""
+        return PixelQuadrature(*(getattr(self, name)[..., chosen] for name in self.__dataclass_fields__))
+
     def sum(self, values: np.ndarray, pixels: int) -> np.ndarray:
         """Sums [pixels] over each pixel's cells of values [m]."""
         return np.bincount(self.pixel, values, pixels)
