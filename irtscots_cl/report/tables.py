@@ -99,12 +99,11 @@ def _zernike_table(rows: list[ZernikeFacts], fit: ZernikeFitFacts) -> Table:
         out = str(Estimate(row["output_um"], row["standard_error_um"])) if known else "not separable"
         difference = f"{(row['output_um'] - row['expected_um']) * 1e3:+.2f}" if known else "-"
         shown.append((str(row["noll"]), f"{row['input_um']:.4f}", *over, out, difference))
-    return Table(_zernike_title(fit), head, shown)
+    return Table(f"Zernike coefficients ({_zernike_kind(fit)}), condition {fit['condition']:.3g}", head, shown)
 
 
-def _zernike_title(fit: ZernikeFitFacts) -> str:
-    kind = f"annular, hole {fit['obscuration_ratio']:.3g}" if fit["kind"] == "annular" else "Noll"
-    return f"Zernike coefficients ({kind}); condition {fit['condition']:.3g}"
+def _zernike_kind(fit: ZernikeFitFacts) -> str:
+    return f"annular, hole {fit['obscuration_ratio']:.3g}" if fit["kind"] == "annular" else "Noll"
 
 
 def island_tables(islands: IslandReport) -> list[Table]:
@@ -176,9 +175,9 @@ def measured_tables(facts: MeasuredFacts) -> list[Table]:
 def _coefficient_table(facts: MeasuredFacts) -> Table:
     fit = facts["zernike_fit"]
     rows = [(str(t["noll"]), str(Estimate(t["output_um"], t["standard_error_um"]))) for t in facts["zernike"]]
-    rows += [("errors from", fit["standard_errors_from"])]
+    rows += [("errors from", fit["standard_errors_from"]), ("condition", f"{fit['condition']:.3g}")]
     rows += [("left by the fit", f"{fit['residual_nm_rms']:.3g} nm rms")]
-    return Table(_zernike_title(fit), ("term", "[um]"), rows)
+    return Table(f"Zernike coefficients ({_zernike_kind(fit)})", ("term", "[um]"), rows)
 
 
 def pixels_text(used: int, refused: Refused) -> str:

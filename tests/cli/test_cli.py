@@ -328,12 +328,13 @@ def test_reconstruct_tells_the_islands_and_the_coefficients(irtscots, finished, 
     arguments = ("reconstruct", "halves.h5", "--scene", finished / "my.toml", "--out", "lab")
     code, out, err = irtscots(*arguments)
     assert code == 0 and "2 islands in 2 joined groups" in out and "unknown" in out
-    assert "irtscots: warning: the mask has 2 islands in 2 groups" in err
+    assert "irtscots: warning: islands: the mask has 2 islands in 2 groups" in err
     code, out, err = irtscots(*arguments, "--json")
     facts = json.loads(out, parse_constant=pytest.fail)
     assert code == 0 and facts["islands"]["groups"] == 2 and facts["islands"]["largest"][1]["piston_known"] is False
-    assert [f"irtscots: warning: {line}" for line in facts["warnings"]] == err.splitlines()
-    assert facts["zernike_fit"]["standard_errors_from"] == "misfit"
+    told = [f"irtscots: warning: {c['name']}: {c['text']}" for c in facts["checks"] if c["level"] != "ok"]
+    assert told == err.splitlines()
+    assert facts["zernike_fit"]["standard_errors_from"] == "images"
     astigmatism = next(row for row in facts["zernike"] if row["noll"] == 6)
     assert abs(astigmatism["output_um"] - 0.3266) < 5 * astigmatism["standard_error_um"] + 0.02  # other terms' share
     with h5py.File(here / "lab" / "result.h5") as file:
