@@ -129,6 +129,13 @@ def add_measure(parser: argparse.ArgumentParser, default: str = "paper") -> None
         "With both: likelihood (the modelled light curve moved to the samples by maximum likelihood, refined) or "
         f"windowed (signed centroids where the light can be, refined); default {default}",
     )
+    parser.add_argument(
+        "--zernike",
+        metavar="Z",
+        default="circular",
+        help="Zernike terms of the table: circular (on the disk; default) or annular (on the ring around the mirror's "
+        "central hole, where terms of the disk resemble each other)",
+    )
 
 
 def add_noise(parser: argparse.ArgumentParser) -> None:
@@ -138,16 +145,6 @@ def add_noise(parser: argparse.ArgumentParser) -> None:
         help="TOML file with the tables [camera.detector.noise] and [screen.response], or one of them, in place of the "
         "scene's own: what a real camera and screen do to the images; default: as the scene says, without such tables "
         "no noise",
-    )
-
-
-def add_zernike(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--zernike",
-        metavar="Z",
-        default="circular",
-        help="Zernike terms of the table: circular (on the disk; default) or annular (on the ring around the mirror's "
-        "central hole, where terms of the disk resemble each other)",
     )
 
 

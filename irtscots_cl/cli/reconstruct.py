@@ -7,7 +7,7 @@ import math
 import sys
 from pathlib import Path
 
-from irtscots_cl.cli.common import LAB_MEASURE, add_measure, add_zernike, command, print_json, print_tables
+from irtscots_cl.cli.common import LAB_MEASURE, add_measure, command, print_json, print_tables
 from irtscots_cl.scene.presets import load_scene
 
 
@@ -51,7 +51,6 @@ def add(commands) -> None:
     )
     parser.add_argument("--strict", action="store_true", help="refuse doubtful images too, with exit code 2")
     add_measure(parser, default=f"{LAB_MEASURE}, for images with noise and background")
-    add_zernike(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:

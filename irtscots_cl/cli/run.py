@@ -18,7 +18,6 @@ from irtscots_cl.cli.common import (
     add_path_choices,
     add_scene,
     add_trace_choices,
-    add_zernike,
     choices,
     command,
     print_json,
@@ -47,7 +46,6 @@ def add(commands) -> None:
     add_trace_choices(parser, DEVICES_HELP)
     parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
     add_measure(parser)
-    add_zernike(parser)
     parser.add_argument(
         "--rays-per-pixel",
         type=int,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import cast
 
@@ -22,6 +23,7 @@ from irtscots_cl.report.types import (
     Report,
     Seconds,
     TraceSeconds,
+    ZernikeFacts,
 )
 from irtscots_cl.system.versions import versions
 from irtscots_cl.tracing.results.paths import PathLight
@@ -77,17 +79,7 @@ def build_report(
             "height_line_sampling_nm_rms": predicted.line_sampling_height_mm * 1e6,
         },
         "error_parts": [error_term_facts(part) for part in parts],
-        "zernike": [
-            {
-                "noll": row.noll,
-                "input_um": row.input_um,
-                "output_um": row.output_um,
-                "standard_error_um": row.standard_error_um,
-                "expected_um": row.expected_um,
-                "inflation": row.inflation,
-            }
-            for row in comparison.zernike
-        ],
+        "zernike": [cast("ZernikeFacts", dataclasses.asdict(row)) for row in comparison.zernike],
         "zernike_fit": fit,
         "islands": islands,
         "integration_misfit": misfit,
