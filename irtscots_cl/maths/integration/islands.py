@@ -34,6 +34,7 @@ from irtscots_cl.maths.integration.node_graph import NodeGraph, node_graph
 JOIN_LIMIT = 0.3  # stated error of a rise between two islands, times the rms of the heights without piston and tilt
 ERROR_DRAWS = 64  # of the joining errors: the stated errors are known to 9 %
 _NOISE_DRAWS = 32  # of the slopes' noise, for the part of the stated errors that comes from it: to 12 %
+NOISE_NODES = 50_000  # larger masks have no such part: it takes as many integrations as draws
 _TRIALS = 256  # of each size of gap, about
 _FEW = 8  # fewer averages of trials tell no error
 _ROUNDING = 1e-9  # stated errors below this part of the largest height are none: a flat mirror has no rms
@@ -183,8 +184,8 @@ def joined(
     """Join the islands of a mask by slopes p, q [nodes] at x, y [nodes] and the heights ``nodes`` of these, in mm.
 
     solve: heights [maps, nodes] in mm of slopes [maps, nodes], each island with a mean of 0. noise: standard error of
-    the slopes [rad]. The decisions follow from these slopes alone; `with_pistons` applies them to others at the same
-    nodes.
+    the slopes [rad], or 0 to take the whole error of the rises for their own. The decisions follow from these slopes
+    alone; `with_pistons` applies them to others at the same nodes.
     """
     number = _by_size(graph)
     sizes = np.bincount(number)
@@ -203,11 +204,13 @@ def joined(
     if not joint.first.size:
         return apart(graph)
     random = np.random.default_rng(0)
-    noise_p, noise_q = noise * random.standard_normal((2, _NOISE_DRAWS, x.size))
-    lacking = joint.missing(noise_p, noise_q, solve(noise_p, noise_q))
+    by_noise = np.zeros((1, sizes.size))
+    if noise:
+        noise_p, noise_q = noise * random.standard_normal((2, _NOISE_DRAWS, x.size))
+        by_noise = joint.pistons(joint.missing(noise_p, noise_q, solve(noise_p, noise_q)))
     own_error = np.sqrt(np.maximum(joint.error**2 - (noise * joint.rises.gain()) ** 2, _OWN * joint.error**2))
     draws = joint.pistons(random.standard_normal((ERROR_DRAWS, own_error.size)) * own_error)
-    error = np.sqrt(np.mean(draws**2, axis=0) + np.mean(joint.pistons(lacking) ** 2, axis=0))
+    error = np.sqrt(np.mean(draws**2, axis=0) + np.mean(by_noise**2, axis=0))
     return _islands(graph, number, sizes, joint.group, error, dataclasses.replace(joint, draws=draws))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from irtscots_cl.maths.integration.islands import Islands, apart, joined, with_pistons
+from irtscots_cl.maths.integration.islands import NOISE_NODES, Islands, apart, joined, with_pistons
 from irtscots_cl.maths.integration.misfit import slope_noise
 from irtscots_cl.maths.integration.modal import modal_heights
 from irtscots_cl.maths.integration.node_graph import node_graph
@@ -84,7 +84,8 @@ def integrate(
             raise ValueError("join: the islands are those of another mask")
         islands = join
     elif join and graph.islands.any() and len(p):
-        islands = joined(graph, x, y, p[0], q[0], nodes[0], solve, slope_noise(graph, x, y, p[:1], q[:1]))
+        noise = slope_noise(graph, x, y, p[:1], q[:1]) if len(x) <= NOISE_NODES else 0.0
+        islands = joined(graph, x, y, p[0], q[0], nodes[0], solve, noise)
     else:
         islands = apart(graph)
     nodes = with_pistons(islands, p, q, nodes)

@@ -20,7 +20,8 @@ NOISE_LIMIT = 1.5  # times the misfit that the noise of the slopes leaves
 SHARE_LIMIT = 0.01  # of the rms slope: pixels, edges and lines of a screen leave up to half of that without noise
 UNKNOWN_NOISE_SHARE = 0.1  # of the rms slope where the noise is not known
 LEAST_LIMIT = 0.05e-6  # rad: what cannot matter, on a mirror that has no deviation
-DRAWS = 16  # maps of noise: of some thousand loops each, so that their mean is known to a percent
+DRAWS = 16  # maps of noise: of some thousand loops each, so that their mean is known to a percent;
+_DRAWN_NODES = 200_000  # in all maps of noise: large masks need fewer maps
 
 Values = NDArray[np.float64]
 
@@ -75,7 +76,7 @@ def integration_misfit(
     rms_slope = float(np.sqrt(np.mean((p - p.mean()) ** 2 + (q - q.mean()) ** 2) / 2))
     expected = np.nan
     if noise_x is not None and noise_y is not None:
-        draws = np.random.default_rng(0).standard_normal((2, DRAWS, x.size))
+        draws = _draws(x.size)
         noise = [graph.values(f"noise_{a}", n) for a, n in (("x", noise_x), ("y", noise_y))]
         expected = _misfit(graph, x, y, noise[0] * draws[0], noise[1] * draws[1])
     return Misfit(_misfit(graph, x, y, p, q), expected, rms_slope)
@@ -95,8 +96,13 @@ def slope_noise(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) ->
     found = _misfit(graph, x, y, p, q)
     if np.isnan(found) or found == 0:
         return 0.0
-    noise = np.random.default_rng(0).standard_normal((2, DRAWS, x.size))
-    return found / _misfit(graph, x, y, *noise)
+    return found / _misfit(graph, x, y, *_draws(x.size))
+
+
+def _draws(nodes: int) -> Values:
+    """White noise [2, maps, nodes]."""
+    maps = int(np.clip(_DRAWN_NODES // nodes, 1, DRAWS))
+    return np.random.default_rng(0).standard_normal((2, maps, nodes))
 
 
 def _misfit(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -> float:
