@@ -148,8 +148,8 @@ MEANINGS = (
         "s": "slope",
         "b0": "BSDF in the specular direction",
         "tis": "total integrated scatter at normal incidence",
-        "roughness_nm": "rms roughness of a mirror (Davies; Bennett and Porteus)",
-        "wavelength_nm": "wavelength for the roughness",
+        "roughness_nm": "rms roughness: incidence and media make it a total, see [stray-light.md](stray-light.md)",
+        "wavelength_nm": "wavelength in vacuum, for the roughness",
     }),
     ('... with model = "abg"', ABg, "BSDF = a / (b + d^g).", {
         "a": "scale",

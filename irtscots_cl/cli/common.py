@@ -14,6 +14,7 @@ from irtscots_cl.scene.presets import load_scene, with_noise_file
 
 if TYPE_CHECKING:
     from irtscots_cl.optics.setup import Setup
+    from irtscots_cl.report.types import CheckFacts
 
 DEVICE_HELP = (
     "part of a device's name, its index such as 0:0, cpu or gpu; "
@@ -89,9 +90,7 @@ def add_trace_choices(parser: argparse.ArgumentParser, device_help: str = DEVICE
         help="philox (independent random numbers; default), sobol (Owen-scrambled Sobol points) or lattice (rank-1 "
         "lattice, shifted at random)",
     )
-    parser.add_argument(
-        "--precision", metavar="P", help="fp32 or fp64 arithmetic on the device; default fp32"
-    )
+    parser.add_argument("--precision", metavar="P", help="fp32 or fp64 arithmetic on the device; default fp32")
     parser.add_argument(
         "--smoothing",
         action="store_true",
@@ -153,6 +152,13 @@ def print_warnings(lines: Iterable[str]) -> None:
         print(f"irtscots: warning: {line}", file=sys.stderr)
 
 
+def warn_of(checks: Iterable[CheckFacts]) -> None:
+    """Print the checks of images that were not passed, a line each, to stderr."""
+    for check in checks:
+        if check["level"] != "ok":
+            print(f"irtscots: {check['level']}: {check['name']}: {check['text']}", file=sys.stderr)
+
+
 def print_tables(tables) -> None:
     from rich import box
     from rich.console import Console
@@ -177,13 +183,27 @@ def print_json(data: object) -> None:
     print(json.dumps(data, indent=2))
 
 
-PATH_CHOICES = ("bounce_limit", "least_chance", "branches", "aimed_scatter")
+PATH_CHOICES = ("bounce_limit", "least_chance", "branches", "aimed_scatter", "polarisation")
+
+
+def add_overfill(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--overfill",
+        type=float,
+        metavar="F",
+        help="forward, nonsequential: solid angle of the cone that rays leave the screen in, over the least one that "
+        "covers the mirror (or, with --aim camera, the part of it that lights the camera); default 1",
+    )
 
 
 def add_path_choices(parser: argparse.ArgumentParser) -> None:
     """Options of the non-sequential estimator; those that were not given are None."""
     parser.add_argument(
-        "--bounce-limit", type=int, metavar="B", help="nonsequential: events after which a ray is given up; default 10"
+        "--bounce-limit",
+        type=int,
+        metavar="B",
+        help="nonsequential: events after which a ray is given up, 1 to 42; default: what the scene's direct light "
+        "needs and 4 more, at least 10",
     )
     parser.add_argument(
         "--least-chance",
@@ -204,4 +224,10 @@ def add_path_choices(parser: argparse.ArgumentParser) -> None:
         action="store_false",
         default=None,
         help="nonsequential: draw scattered rays from the lobe alone, none towards the camera",
+    )
+    parser.add_argument(
+        "--polarisation",
+        metavar="P",
+        help="nonsequential: whether rays carry their polarisation from interface to interface, on, off or auto (where "
+        "it changes the direct light by more than 1e-4); default auto",
     )

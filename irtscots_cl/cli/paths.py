@@ -8,6 +8,7 @@ from irtscots_cl.cli.common import (
     DASK_HELP,
     DEVICES_HELP,
     PATH_CHOICES,
+    add_overfill,
     add_path_choices,
     add_scene,
     choices,
@@ -41,6 +42,7 @@ def add(commands) -> None:
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the random numbers; default 1")
     parser.add_argument("--sampler", default="philox", metavar="S", help="philox, sobol or lattice; default philox")
     parser.add_argument("--precision", default="fp32", metavar="P", help="fp32 or fp64; default fp32")
+    add_overfill(parser)
     add_path_choices(parser)
     parser.add_argument("--device", metavar="D", help=DEVICES_HELP)
     parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
@@ -63,7 +65,7 @@ def _execute(options: argparse.Namespace) -> int:
             rays_per_pixel=options.rays_per_pixel,
             replicates=options.replicates,
             seed=options.seed,
-            **choices(options, PATH_CHOICES),
+            **choices(options, ("overfill", *PATH_CHOICES)),
             progress=progress,
         )
     facts = path_facts(light, stray_light(light))

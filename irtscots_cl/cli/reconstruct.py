@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from pathlib import Path
 
-from irtscots_cl.cli.common import LAB_MEASURE, add_measure, command, print_json, print_tables
+from irtscots_cl.cli.common import LAB_MEASURE, add_measure, command, print_json, print_tables, warn_of
 from irtscots_cl.scene.presets import load_scene
 
 
@@ -75,9 +74,7 @@ def _execute(options: argparse.Namespace) -> int:
         images, scene.nominal(), folder, options.threshold, how, strict=options.strict,
         source=str(options.images), zernike=options.zernike
     )
-    for check in facts["checks"]:
-        if check["level"] != "ok":
-            print(f"irtscots: warning: {check['name']}: {check['text']}", file=sys.stderr)
+    warn_of(facts["checks"])
     if options.json:
         print_json(plain(facts))
     else:

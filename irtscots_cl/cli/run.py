@@ -12,9 +12,11 @@ from irtscots_cl.cli.common import (
     DASK_HELP,
     DEFAULTS,
     DEVICES_HELP,
+    LAB_MEASURE,
     PATH_CHOICES,
     add_measure,
     add_noise,
+    add_overfill,
     add_path_choices,
     add_scene,
     add_trace_choices,
@@ -25,6 +27,7 @@ from irtscots_cl.cli.common import (
     print_warnings,
     site_arguments,
     visible_setup,
+    warn_of,
 )
 from irtscots_cl.cli.keeping import add_resume, keeping
 from irtscots_cl.cli.progress import Progress, add_quiet
@@ -45,7 +48,7 @@ def add(commands) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME")
     add_trace_choices(parser, DEVICES_HELP)
     parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
-    add_measure(parser)
+    add_measure(parser, default=f"paper, and {LAB_MEASURE} with camera noise")
     parser.add_argument(
         "--rays-per-pixel",
         type=int,
@@ -86,12 +89,7 @@ def add(commands) -> None:
         help="forward: mirror (rays leave towards the whole mirror, as in the paper; default) or camera (only towards "
         "the part of it from which light reaches the camera: fewer rays for the same noise)",
     )
-    parser.add_argument(
-        "--overfill",
-        type=float,
-        metavar="F",
-        help="forward: solid angle of the emission over the least that covers what it is aimed at; default 1",
-    )
+    add_overfill(parser)
     add_path_choices(parser)
 
 
@@ -104,6 +102,8 @@ def _execute(options: argparse.Namespace) -> int:
     setup = visible_setup(options.scene, options.noise)
     scene = setup.scene
     _check_scene(scene, options, given)
+    if scene.has_noise_tables:
+        given = {"measure": LAB_MEASURE} | given
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
     check_output_folder(folder)
     from irtscots_cl.pipeline.output import write_run
@@ -117,6 +117,7 @@ def _execute(options: argparse.Namespace) -> int:
         write_run(run, folder)
         keeper.remove()
     print_warnings(run.report["warnings"])
+    warn_of(run.report.get("checks", ()))
     if options.json:
         from irtscots_cl.system.atomic_files import plain
 

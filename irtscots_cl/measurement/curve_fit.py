@@ -21,7 +21,7 @@ from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.curve_windows import CurveWindows, line_pitch
 from irtscots_cl.optics.pixel.response import PixelResponse
 
-STEP = 0.05  # lines: for the profile's derivative by differences; its error of second order cancels in the place
+STEPS = 56  # of the table over a profile's extent, but at most 8 per line: interpolation moves a height by 0.1 nm
 PROFILE_ERROR = 1e-3  # of a curve's peak: what the modelled profile may be wrong by, in its flanks too
 NEAR = 0.02  # lines: a shorter step of the fit leaves an error below 1e-4 lines
 ROUNDS = 4  # of moving the profile at most
@@ -84,35 +84,71 @@ class CurveFits:
 class Profiles:
     """The design's profiles of n pixels along one axis of the screen, by place: shares of the pixel's light.
 
-    known: [n] pixels with a profile; the others' shares are 0.
+    known: [n] pixels with a profile. The light below a grid of places around the centroid is tabulated once; a profile
+    at any place is a difference of cubic interpolations, all at the same fraction of a step for one pixel.
     """
 
     def __init__(self, scan: Scan, light: PixelResponse):
-        self.output = "uv"["xy".index(scan.axis)]
-        self.pitch = line_pitch(scan)
-        self.origin = float(scan.positions_mm[0])
+        output = "uv"["xy".index(scan.axis)]
+        self.pitch, self.origin = line_pitch(scan), float(scan.positions_mm[0])
         index = np.full(scan.shape[0] * scan.shape[1], -1)
         index[light.pixels] = np.arange(len(light.pixels))
-        self.index = index[scan.pixels]
-        usable = light.valid()
-        middle, half = (np.nan_to_num(v, posinf=0.0, neginf=0.0) for v in light.extent(self.output))
-        total = light.light(self.output, np.stack([middle - BEYOND * half, middle + BEYOND * half], 1))[:, 0]
-        usable &= (total > 0) & np.isfinite(light.means(self.output)[0])
-        self.known = (self.index >= 0) & usable[self.index]
-        self.light, self.total = light, total
+        index = index[scan.pixels]
+        centre = light.means(output)[0]
+        middle, half = light.extent(output)
+        usable = light.valid() & np.isfinite(centre) & np.isfinite(middle) & np.isfinite(half)
+        self.known = (index >= 0) & usable[index]
+        chosen = index[self.known]
+        reach = float((half + np.abs(middle - centre))[chosen].max(initial=self.pitch)) * BEYOND / self.pitch
+        steps = int(np.clip(np.ceil(STEPS / (2 * reach)), 1, 8))  # per line: wide profiles are smooth
+        count = int(np.ceil(reach * steps)) + 1
+        self.steps, self.before = steps, count
+        grid = np.arange(-count, count + 1) * self.pitch / steps
+        below = np.zeros((len(chosen), len(grid)))
+        below[:, 1:] = np.cumsum(light.light(output, centre[chosen, None] + grid, chosen), axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            below /= below[:, -1:]
+        lit = np.isfinite(below).all(1)
+        self.known[np.flatnonzero(self.known)[~lit]] = False
+        self.row = np.full(len(scan.pixels), -1)
+        self.row[self.known] = np.arange(int(lit.sum()))
+        self.below = below[lit]
 
-    def shares(self, chosen: IntArray, first: IntArray, width: int, place_mm: FloatArray) -> tuple[FloatArray, ...]:
+    def shares(
+        self, chosen: IntArray, first: IntArray, width: int, place_mm: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Shares [m, width] on lines from first [m] on, of pixels chosen [m] whose light's centroid is at place_mm [m],
-        and their derivative [1/mm]; all pixels must be known."""
-        pixels = self.index[chosen]
-        edges = self.origin + self.pitch * (first[:, None] + np.arange(width + 1) - 0.5)
-        edges = edges - (place_mm - self.light.means(self.output)[0][pixels])[:, None]
-        step = STEP * self.pitch
-        # one call: its last column before the joint is of no line
-        both = self.light.light(self.output, np.concatenate([edges + step, edges - step], axis=1), pixels)
-        both /= self.total[pixels, None]
-        before, after = both[:, :width], both[:, width + 1 :]  # a profile moved by -step sees its edges at +step
-        return (before + after) / 2, (after - before) / (2 * step)
+        and their derivative by place [1/mm]; all pixels must be known."""
+        start = ((self.origin - place_mm) / self.pitch + first - 0.5) * self.steps + self.before
+        whole = np.floor(start).astype(np.int64)
+        fraction = start - whole
+        at = whole[:, None] + self.steps * np.arange(width + 1)
+        last = self.below.shape[1] - 1
+        row = self.row[chosen, None]
+        edges, slopes = np.zeros(at.shape), np.zeros(at.shape)
+        for k, (weight, slope) in enumerate(zip(*_cubic(fraction), strict=True)):
+            value = self.below[row, np.clip(at + k - 1, 0, last)]
+            edges += weight[:, None] * value
+            slopes += slope[:, None] * value
+        # a place further up moves the profile up: its edges move down in the table
+        return np.diff(edges, axis=1), np.diff(slopes, axis=1) * (-self.steps / self.pitch)
+
+
+def _cubic(t: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Weights of the values at -1, 0, 1, 2 for the cubic through them at t [n] in 0..1, and their derivatives."""
+    weights = [
+        -t * (t - 1) * (t - 2) / 6,
+        (t + 1) * (t - 1) * (t - 2) / 2,
+        -(t + 1) * t * (t - 2) / 2,
+        (t + 1) * t * (t - 1) / 6,
+    ]
+    slopes = [
+        -(3 * t * t - 6 * t + 2) / 6,
+        (3 * t * t - 4 * t - 1) / 2,
+        -(3 * t * t - 2 * t - 2) / 2,
+        (3 * t * t - 1) / 6,
+    ]
+    return weights, slopes
 
 
 def fit_profiles(

@@ -75,7 +75,8 @@ def check_frames(
     best = np.argmin(misfit, axis=0)
     here = misfit[SHIFTS]
     with np.errstate(invalid="ignore"):
-        other = (misfit[best, np.arange(count)] < BETTER * here) & (expected > SIGMAS**2) & (pixels >= MIN_PIXELS)
+        there = misfit[best, np.arange(count)]
+        other = (there < BETTER * here) & (here - there > SIGMAS**2) & (pixels >= MIN_PIXELS)
     shows = np.arange(count) + np.where(other, best - SHIFTS, 0)
     with np.errstate(invalid="ignore"):
         shows[~other & (ratio < BLACK)] = -1

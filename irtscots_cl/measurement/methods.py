@@ -14,12 +14,14 @@ from irtscots_cl.scene.model import Scene
 
 @dataclass(frozen=True)
 class Measure:
-    """light_curve, method, pixel_average: arguments of `reconstruct`. rounds: largest number of refinement rounds."""
+    """light_curve, method, pixel_average: arguments of `reconstruct`. rounds: largest number of refinement rounds;
+    tolerance_nm: change of a round that ends them."""
 
     light_curve: str = "centroid"
     method: str = "southwell"
     pixel_average: bool = True
     rounds: int = 0
+    tolerance_nm: float = 1e-3
 
 
 MEASURES = {
@@ -27,8 +29,8 @@ MEASURES = {
     "fine": Measure("chord", "cubic", pixel_average=False),
     "refined": Measure("chord", "cubic", pixel_average=False, rounds=4),
     # of signed samples, with the background and the noise of the images: for a laboratory's images
-    "windowed": Measure("windowed", "cubic", pixel_average=False, rounds=2),
-    "likelihood": Measure("likelihood", "cubic", pixel_average=False, rounds=2),
+    "windowed": Measure("windowed", "cubic", pixel_average=False, rounds=3, tolerance_nm=0.5),
+    "likelihood": Measure("likelihood", "cubic", pixel_average=False, rounds=3, tolerance_nm=0.5),
 }
 
 NOISE_FREE = ("paper", "fine", "refined")  # for images without background and camera noise
@@ -69,4 +71,4 @@ def measure_by(
         threshold=threshold,
         estimates=estimates if how.light_curve == BEST else None,
     )
-    return refine(result, stack, rounds=how.rounds) if how.rounds else result
+    return refine(result, stack, rounds=how.rounds, tolerance_nm=how.tolerance_nm) if how.rounds else result

@@ -57,6 +57,19 @@ def emitter_dtype(real) -> np.dtype:
     )
 
 
+def cone_dtype(real) -> np.dtype:
+    """An ellipse of directions of a screen pixel, as in Emitter; density: share of the rays over aim_ll aim_mm."""
+    names = ("centre_l", "centre_m", "aim_ll", "aim_ml", "aim_mm", "density")
+    return np.dtype([(name, real) for name in names], align=True)
+
+
+def cones_emitter_dtype(real, cones: int) -> np.dtype:
+    """An Emitter whose rays go into several cones (optics/elements/emission.py); its own aim is the first of them."""
+    emitter = emitter_dtype(real)
+    fields = [(name, emitter[name]) for name in emitter.names]
+    return np.dtype([*fields, ("cones", cone_dtype(real), cones)], align=True)
+
+
 def receiver_dtype(real) -> np.dtype:
     """A detector pixel that can see the mirror, as the adjoint estimator's source.
 
@@ -186,43 +199,49 @@ def scatter_structs(real, groups: int, elements: int, targets: int) -> dict[str,
     Target: a disk, its centre from each group's origin and its axes in the world [mm]. Lobe, one per element: numbers:
     parameters of its kernels/scatter/scatter_*.cl; probability: of a ray to split; share: the share of split rays drawn
     from the lobe; its shape is the density (1 + d^2 inverse_l2)^(power - 1) about centre times the specular direction;
-    tis: total integrated scatter by the root of the cosine of incidence, at equal steps from 0 to 1; target: indices of
-    the targets that rays are aimed at.
+    phase: of a rough surface, per unit of n cos(theta), else 0; tis: the BSDF's integral over the hemisphere by the
+    root of the specular direction's cosine, at equal steps from 0 to 1; target: indices of the targets that rays are
+    aimed at.
     """
     target = np.dtype([("centre", real, (groups, 3)), ("axis_x", real, 3), ("axis_y", real, 3), ("axis_z", real, 3),
                        ("radius", real)], align=True)  # fmt: skip
-    names = ("probability", "share", "inverse_l2", "power", "centre")
+    names = ("probability", "share", "inverse_l2", "power", "centre", "phase")
     fields = [("numbers", real, 3), *((name, real) for name in names), ("tis", real, TIS_NODES)]
     lobe = np.dtype([*fields, ("target_count", np.int32), ("target", np.int32, max(targets, 1))], align=True)
     whole = [("targets", target, max(targets, 1)), ("lobes", lobe, max(elements, 1))]
     return {"Target": target, "Lobe": lobe, "Scatter": np.dtype(whole, align=True)}
 
 
-PATH = np.dtype(
-    [
-        ("low", np.uint32),  # low word of its code
-        ("high", np.uint32),
-        ("scale", np.float32),  # factor that turns weights into whole numbers
-        ("class_scale", np.float32),
-        ("kind", np.int32),  # number of its event class
-    ],
-    align=True,
-)
+EVENT_BITS = 6  # of an event in a path's code: kernels/elements/path_code.cl
+PATH_WORDS = {"short": 2, "long": 8}  # of a path's code: kernels/elements/path_code_*.cl
+SHORT_EVENTS, MAX_EVENTS = (32 * words // EVENT_BITS for words in PATH_WORDS.values())  # of a path, by its code
+
+
+def path_dtype(code: str) -> np.dtype:
+    """A path that is tracked. code: of PATH_WORDS. word: its code, the lowest word first; scale: factor that turns its
+    weights into whole numbers; class_scale: the same for the images of its event class, whose number is kind."""
+    return np.dtype([("word", np.uint32, PATH_WORDS[code]), ("scale", np.float32), ("class_scale", np.float32),
+                     ("kind", np.int32)], align=True)  # fmt: skip
+
+
+PATH = path_dtype("short")
 
 
 KNOWN_STEPS = 2
 
 
-def path_job_dtype(real) -> np.dtype:
-    """Parameters of a non-sequential launch: sizes of its tables, and the start of its rays.
+def path_job_dtype(real, cones: int = 1) -> np.dtype:
+    """Parameters of a non-sequential launch: sizes of its tables, and the start of its rays, which go into `cones`.
 
     found_size: number of entries for found paths, 0 in a run that stores images. screen_group, screen_element: the
     group and the element where rays start. inverse_unit_area: 1 / (aim_ll aim_mm) of the emitter whose rays have weight
-    1. may: bits of the elements that a ray may meet in its first steps.
+    1. may: bits of the elements that a ray may meet in its first steps. cone_from: if there are several cones, the
+    least number, of 32 bits, of the rays of each but the first.
     """
     names = ("path_count", "element_count", "found_size", "bounce_limit", "screen_group", "screen_element")
     fields = [(name, np.int32) for name in names]
-    return np.dtype([*fields, ("inverse_unit_area", real), ("may", np.uint32, KNOWN_STEPS)], align=True)
+    fields += [("inverse_unit_area", real), ("may", np.uint32, KNOWN_STEPS)]
+    return np.dtype(fields + [("cone_from", np.uint32, (cones - 1,))] * (cones > 1), align=True)
 
 
 _C_NAMES = {

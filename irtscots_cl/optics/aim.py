@@ -19,6 +19,7 @@ MARGIN = 1e-4  # of the mirror's ellipse, because the rim between the rim points
 SLACK = 0.25  # screen pixels added to the chief rays' range that can light a detector pixel; doubled if too small
 MAX_SLACK = 8.0
 CHECK_RAYS = 2**15  # from the camera, to check that the aim covers all directions they find
+FLATTEST = 1e-5  # ratio of an ellipse's axes below which the shorter one is widened
 PAIRS = 2**18  # of a screen and a detector pixel, processed at a time: limits the memory
 
 
@@ -54,19 +55,25 @@ def find_mirror_aim(chief: ChiefRays) -> Aim:
     angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
     rim_x, rim_y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
     rim = np.stack([rim_x, rim_y, surface.sag(rim_x, rim_y)], -1)
-    parts = [_covering(frame, rim, x[k], y[k], pitch) for k in np.array_split(np.arange(len(x)), len(x) // 4096 + 1)]
+    every = np.array_split(np.arange(len(x)), len(x) // 4096 + 1)
+    parts = [covering_ellipses(frame, rim, x[k], y[k], pitch) for k in every]
     return Aim(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)), 1.0)
 
 
-def _covering(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch: float):
-    """Covering ellipses for screen pixels at (x, y) [n]: centres [n, 2], roots [n, 2, 2]."""
+def covering_ellipses(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch: float):
+    """Ellipses that cover the points of a rim [k, 3] from screen pixels at (x, y) [n]: centres [n, 2], roots [n, 2, 2].
+
+    frame, pitch: of the screen. A rim that is seen nearly edge-on gets a wider ellipse.
+    """
     rays = rim - frame.to_world(x, y)[:, None, :]
     distance = np.linalg.norm(rays, axis=-1, keepdims=True)
     cosines = (rays / distance) @ frame.axes[:2].T
     centre = cosines.mean(1)
     spread = cosines - centre[:, None, :]
     # Points at equal angles on an ellipse's rim have half its shape matrix as covariance.
-    root = np.linalg.cholesky(2 * np.einsum("nki,nkj->nij", spread, spread) / rim.shape[0])
+    shape = 2 * np.einsum("nki,nkj->nij", spread, spread) / rim.shape[0]
+    flat = np.trace(shape, axis1=1, axis2=2)[:, None, None] * FLATTEST
+    root = np.linalg.cholesky(shape + (np.linalg.det(shape)[:, None, None] < flat**2) * flat * np.eye(2))
     reach = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
     return centre, _widened(root * (reach * (1 + MARGIN))[:, None, None], pitch * np.sqrt(0.5) / distance.min((1, 2)))
 

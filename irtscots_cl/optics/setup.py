@@ -6,6 +6,10 @@ from functools import cached_property
 
 from irtscots_cl.optics.aim import Aim, find_camera_aim, find_mirror_aim
 from irtscots_cl.optics.chief_rays import ChiefRays, trace_chief_rays
+from irtscots_cl.optics.elements.components import Component, components_of
+from irtscots_cl.optics.elements.direct_light import longest_direct_path
+from irtscots_cl.optics.elements.emission import Emission, plan_emission
+from irtscots_cl.optics.elements.polarisation import polarisation_change
 from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.optics.screen_windows import Windows, place_windows
 from irtscots_cl.scene.model import Scene
@@ -20,6 +24,7 @@ class Setup:
     def __init__(self, scene: Scene):
         self.scene = scene
         self._windows: dict[int, Windows] = {}
+        self._emissions: dict[float, Emission] = {}
 
     @classmethod
     def of(cls, scene: Scene | Setup) -> Setup:
@@ -47,6 +52,27 @@ class Setup:
     @cached_property
     def camera_aim(self) -> Aim:
         return find_camera_aim(self.chief_rays, self.mirror_aim)
+
+    @cached_property
+    def components(self) -> tuple[Component, ...]:
+        return components_of(self.scene)
+
+    @cached_property
+    def longest_direct_path(self) -> int:
+        return longest_direct_path(self.chief_rays, self.components)
+
+    @cached_property
+    def polarisation_change(self) -> float:
+        """Largest relative change of the direct light by its polarisation between interfaces, an estimate."""
+        return polarisation_change(self.chief_rays, self.components)
+
+    def emission(self, overfill: float) -> Emission:
+        """The non-sequential estimator's, with a mirror's cone of `overfill` times the area."""
+        if overfill not in self._emissions:
+            measuring = tuple(element.name for element in self.scene.element if element.kind == "detector")
+            aim = self.mirror_aim.overfilled(overfill)
+            self._emissions[overfill] = plan_emission(self.chief_rays, self.components, measuring, aim)
+        return self._emissions[overfill]
 
     def windows(self, margin: int) -> Windows:
         """Windows widened by margin screen pixels."""

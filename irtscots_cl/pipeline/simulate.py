@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -13,13 +13,13 @@ from irtscots_cl.analysis.comparison import Comparison, compare
 from irtscots_cl.analysis.error_terms import ErrorTerm, error_terms
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.imaging.patterns import LineScan
-from irtscots_cl.measurement.methods import measure_by
+from irtscots_cl.measurement.methods import BEST, measure_by
 from irtscots_cl.measurement.prediction import predict_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.report.facts import build_report
-from irtscots_cl.report.types import Report
+from irtscots_cl.report.types import CheckFacts, Report
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.results.paths import PathLight
 from irtscots_cl.tracing.results.transport import LineLight, Transport
@@ -83,7 +83,18 @@ def simulate(
     separated = error_terms(result, setup, measure, transport.options, device) if parts else ()
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
     report.update(more_facts)
+    if measure == BEST:
+        report["checks"] = checks_of(result, stack)
     return Run(transport, stack, result, comparison, separated, report)
+
+
+def checks_of(result: Reconstruction, stack: ImageStack) -> list[CheckFacts]:
+    """The checks of the images of a result by the best measure, as report.json holds them."""
+    from irtscots_cl.measurement.quality import check_images  # imported late: few runs have noise
+
+    assert result.estimates_of_scans is not None
+    checks = check_images(stack, result.setup, result.estimates_of_scans)
+    return [cast("CheckFacts", asdict(check)) for check in checks]
 
 
 def _clean_images(transport: Transport | LineLight) -> tuple[ImageStack, dict]:

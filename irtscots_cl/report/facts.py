@@ -100,6 +100,7 @@ def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> PathReport:
         "rays_total": light.rays_total,
         "seconds": cast("TraceSeconds", light.seconds),
         "rays_per_second": light.rays_total / light.seconds["trace"],
+        "bounce_limit": light.bounce_limit,
         "ends": light.ends,
         "launched_w": light.launched_w,
         "direct_w": direct,
@@ -108,8 +109,13 @@ def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> PathReport:
             for stays in light.losses
         ],
         "stray_light": [
-            {"kind": s.kind, "of_direct": s.of_direct, "height_nm_rms": s.height_nm.value,
-             "height_nm_rms_standard_error": s.height_nm.standard_error, "lost_pixels": s.lost_pixels}
+            {
+                "kind": s.kind,
+                "of_direct": s.of_direct,
+                "height_nm_rms": s.height_nm.value,
+                "height_nm_rms_standard_error": s.height_nm.standard_error,
+                "lost_pixels": s.lost_pixels,
+            }
             for s in stray
         ],
         "paths": [

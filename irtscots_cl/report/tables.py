@@ -42,7 +42,10 @@ def path_tables(facts: PathReport) -> list[Table]:
              for s in facts["stray_light"]]  # fmt: skip
     flux = {s["end"]: str(Estimate(s["flux_w"], s["flux_standard_error_w"])) for s in facts["staying"] if s["flux_w"]}
     flux |= {"launched": f"{facts['launched_w']:.5g}", "detected": f"{sum(p['flux_w'] for p in facts['paths']):.5g}"}
-    ends = [(end, f"{count:,}", flux.get(end, "")) for end, count in facts["ends"].items() if count or end in flux]
+    shown_end = {"bounce limit": f"given up after {facts['bounce_limit']} events (--bounce-limit)"}
+    ends = [(shown_end.get(end, end), f"{count:,}", flux.get(end, ""))
+            for end, count in facts["ends"].items() if count or end in flux]  # fmt: skip
+    ends += [(end, "", watts) for end, watts in flux.items() if end not in facts["ends"]]
     return [
         Table(
             f"{facts['scene']}: paths from the screen to the detector",

@@ -247,6 +247,7 @@ class Report(TypedDict):
     warnings: list[str]
     target: NotRequired[Target]
     noise: NotRequired[NoiseFacts]
+    checks: NotRequired[list[CheckFacts]]
 
 
 class Staying(TypedDict):
@@ -281,7 +282,8 @@ class PathRow(TypedDict):
 
 
 class PathReport(TypedDict):
-    """What `irtscots paths` tells of a non-sequential trace. ends: rays by where they ended."""
+    """What `irtscots paths` tells of a non-sequential trace. ends: rays by where they ended. bounce_limit: events after
+    which rays were given up."""
 
     scene: str
     device: DeviceFacts
@@ -292,6 +294,7 @@ class PathReport(TypedDict):
     rays_total: int
     seconds: TraceSeconds
     rays_per_second: float
+    bounce_limit: int
     ends: dict[str, int]
     launched_w: float
     direct_w: float

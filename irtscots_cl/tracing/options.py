@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from irtscots_cl.opencl.structs import PRECISIONS
+from irtscots_cl.opencl.structs import MAX_EVENTS, PRECISIONS
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.samplers import SAMPLERS
 
@@ -13,8 +13,9 @@ AIMS = ("mirror", "camera")  # of the forward estimator
 ANALYTIC = "analytic"  # the one that does not
 NONSEQUENTIAL = "nonsequential"  # from element to element in any order, by path
 BRANCHES = ("random", "split")  # of a ray at an interface: one of them, chosen at random, or both
+POLARISATION = ("auto", "on", "off")  # of the non-sequential estimator's rays
 EARLIER_BRANCHES = {"roulette": "random", "both": "split"}  # names that go on working
-MAX_EVENTS = 10  # of a path
+EXTRA_EVENTS = 4  # that a ghost may have beside those of the direct light: two reflections between neighbours, twice
 MIN_CHANCE = 0.1  # of either branch at an interface
 MAX_SMOOTHED_RAYS = 2**32  # per pixel and replicate: a sum of so many 32-bit amounts stays below 2^63
 
@@ -24,16 +25,19 @@ class TraceOptions:
     """How to trace. Refuses what is out of range with a ValueError that names the command line's option.
 
     estimator: "forward", "adjoint", "analytic" or "nonsequential". sampler: a name of samplers.SAMPLERS. precision:
-    "fp32" or "fp64". seed: 64 bits. aim: forward only, "mirror" or "camera". overfill: forward only, solid
-    angle of the emission over the least that covers what it is aimed at. smoothing: adjoint only,
+    "fp32" or "fp64". seed: 64 bits. aim: forward only, "mirror" or "camera". overfill: forward and nonsequential, solid
+    angle of the cone that rays leave in over the least one that covers what it is aimed at. smoothing: adjoint only,
     every ray stands for its whole chord through the camera's aperture (kernels/entry/trace_lines.cl); a central hole
     must be wider than the aperture's blur on the mirror, or its rim is told only roughly.
 
-    Of the non-sequential estimator alone: bounce_limit: events after which a ray is given up (and counted).
+    Of the non-sequential estimator alone: bounce_limit: events after which a ray is given up (and counted), 1 to
+    MAX_EVENTS; None: as many as the direct light meets elements, and EXTRA_EVENTS, but at least 10.
     least_chance: probability with which a ray is reflected or refracted at an interface, however small that share of
     its light is; its weight makes up for it. branches: "random" follows one of them, "split" both, as long as the
     weaker one weighs a thousandth of a ray and there is room for more rays. aimed_scatter: scattered rays are also
-    aimed at the camera (components.targets_of); without, only what finds it at random counts.
+    aimed at the camera (components.targets_of); without, only what finds it at random counts. polarisation: whether
+    rays carry their linear polarisation from interface to interface, "on" or "off"; "auto": where it changes the
+    direct light by more than 1e-4 (optics/elements/polarisation.py).
     """
 
     estimator: str = "adjoint"
@@ -43,10 +47,11 @@ class TraceOptions:
     aim: str = "mirror"
     overfill: float = 1.0
     smoothing: bool = False
-    bounce_limit: int = MAX_EVENTS
+    bounce_limit: int | None = None
     least_chance: float = MIN_CHANCE
     branches: str = "random"
     aimed_scatter: bool = True
+    polarisation: str = "auto"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "branches", EARLIER_BRANCHES.get(self.branches, self.branches))
@@ -56,6 +61,7 @@ class TraceOptions:
             ("precision", self.precision, tuple(PRECISIONS)),
             ("aim", self.aim, AIMS),
             ("branches", self.branches, BRANCHES),
+            ("polarisation", self.polarisation, POLARISATION),
         ):
             if value not in allowed:
                 raise ValueError(f"--{option} = {value!r}: must be one of {', '.join(allowed)}")
@@ -67,7 +73,7 @@ class TraceOptions:
             raise ValueError(f"--aim {self.aim}: must go with --estimator forward, not {self.estimator}")
         if self.smoothing and self.estimator != "adjoint":
             raise ValueError(f"--smoothing: must go with --estimator adjoint, not {self.estimator}")
-        if not 1 <= self.bounce_limit <= MAX_EVENTS:
+        if self.bounce_limit is not None and not 1 <= self.bounce_limit <= MAX_EVENTS:
             raise ValueError(f"--bounce-limit = {self.bounce_limit}: must be 1 to {MAX_EVENTS}")
         if not 0 <= self.least_chance <= 0.5:
             raise ValueError(f"--least-chance = {self.least_chance}: must be 0 to 0.5")
@@ -82,7 +88,7 @@ class TraceOptions:
 PATH_OPTIONS = {
     field.name: field.default
     for field in fields(TraceOptions)
-    if field.name in ("bounce_limit", "least_chance", "branches", "aimed_scatter")
+    if field.name in ("bounce_limit", "least_chance", "branches", "aimed_scatter", "polarisation")
 }
 
 

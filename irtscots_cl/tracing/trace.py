@@ -18,7 +18,6 @@ from irtscots_cl.tracing.estimators.sequential import trace_rays
 from irtscots_cl.tracing.fingerprint import trace_fingerprint
 from irtscots_cl.tracing.options import (
     ANALYTIC,
-    MAX_EVENTS,
     MAX_SMOOTHED_RAYS,
     MIN_CHANCE,
     NONSEQUENTIAL,
@@ -43,10 +42,11 @@ def trace(
     aim: str = "mirror",
     overfill: float = 1.0,
     smoothing: bool = False,
-    bounce_limit: int = MAX_EVENTS,
+    bounce_limit: int | None = None,
     least_chance: float = MIN_CHANCE,
     branches: str = "random",
     aimed_scatter: bool = True,
+    polarisation: str = "auto",
     progress: Callable[[int, int], None] | None = None,
     launch_rays: int | None = None,
     keeper: Checkpoints | None = None,
@@ -59,7 +59,7 @@ def trace(
     scene: the scene, or a Setup of it that is used again. device: from select_device, or several, from select_devices:
     they share the rays, and the result is that of one, to the bit, if they are equal. None selects one. client: a
     dask.distributed.Client, whose workers trace instead. replicates: independent parts of the rays, for error bars.
-    estimator to aimed_scatter: see TraceOptions. progress(done, total): called after each launch with numbers of rays.
+    estimator to polarisation: see TraceOptions. progress(done, total): called after each launch with numbers of rays.
     launch_rays: rays per launch, instead of timing; no result depends on it. Same seed and device, same bits. keeper:
     saves the sums now and then, and continues from what it has; an interrupted trace that continues gives the bits of
     one that was not. finished: called with the trace so far when a replicate is complete and others are to come.
@@ -71,7 +71,7 @@ def trace(
     options = TraceOptions(
         estimator=estimator, sampler=sampler, precision=precision, seed=seed, aim=aim, overfill=overfill,
         smoothing=smoothing, bounce_limit=bounce_limit, least_chance=least_chance, branches=branches,
-        aimed_scatter=aimed_scatter,
+        aimed_scatter=aimed_scatter, polarisation=polarisation,
     )  # fmt: skip
     if estimator != NONSEQUENTIAL:
         check_sequential(setup.scene, estimator)
@@ -79,9 +79,8 @@ def trace(
         return trace_analytic(setup)
     rays = share_rays(rays_per_pixel, replicates)
     if smoothing and rays.max() > MAX_SMOOTHED_RAYS:
-        raise ValueError(
-            f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 for each replicate"
-        )
+        must = "with --smoothing, must be at most 2^32 for each replicate"
+        raise ValueError(f"--rays-per-pixel = {rays_per_pixel}: {must}")
     check_visible(setup.chief_rays, f"scene {setup.scene.name}")
     executor = executor_of(device, client)
     fingerprint = trace_fingerprint(setup.scene, options, rays, executor.device_identity())

@@ -1,6 +1,6 @@
 // A paraxial lens in the element's plane z = 0: at (a, b) it turns slopes (p, q) into (p - a / f, q - b / f), for light
 // from either side. Slopes are per length along the direction of travel. Frame: the element's. Unit: mm.
-#include "interaction.cl"
+#include "carry_*.cl"
 
 INLINE void interact_lens(__constant Element *element, Interaction *at) {
     const realv forward = at->along.z < 0 ? (realv)(-1) : (realv)(1);
@@ -11,4 +11,5 @@ INLINE void interact_lens(__constant Element *element, Interaction *at) {
     at->goes = (vec3v){p * scale, q * scale, forward * scale};
     at->weight = element->transmittance;
     at->absorbed = 1 - at->weight;
+    light_turn(at);
 }

@@ -4,13 +4,15 @@
 // point, normal (unit, towards the front), along: where a ray meets the element, and its direction there; goes: its
 // direction afterwards. arriving: its weight before; weight: factor on that weight; absorbed: share of it that stays
 // here. split: share of it in a second, mirrored ray that splits off here; room: whether rays may split, 0 if too many
-// wait. event: the EVENT_* that happens. ends: the ray stops here. draw: a random word.
+// wait. event: the EVENT_* that happens. ends: the ray stops here. draw: a random
+// word. light: its polarisation; mirrored_light: that of the mirrored ray.
 typedef struct {
     vec3v point, normal, along, goes;
     realv arriving, weight, absorbed, split;
     intv event, room;
     maskv ends;
     uintv draw;
+    Stokes light, mirrored_light;
 } Interaction;
 
 INLINE vec3v blend3(maskv mask, vec3v yes, vec3v no) {

@@ -1,30 +1,32 @@
-// Non-sequential estimator: rays leave the screen, aimed at the mirror, and follow elements in the order they meet them
+// Non-sequential estimator: rays leave the screen, aimed at the mirror or at more, and follow elements in the order they meet them
 // until they end. Light that ends on the detector is recorded by path and by class of path. Frame: the world. Unit: mm.
 //
 // The host writes ELEMENTS(DO), the scene's list of elements: DO(shape, kind, model, number) for each. shape: plane,
 // quadric or deviated; kind: the name of an interact_* file; model: the name of a scatter_* file, or none.
 #include "work_item.cl"
-#include "emission.cl"
+#include "cones_*.cl"
 #include "path_rng_*.cl"
 #include "tally.cl"
 
 // Puts the rays that leave the screen into the list. Positions count from the screen group's origin: small numbers.
-INLINE void emit(const Trace *trace, const Emitter *emitter, const Words *words, const Words *keys, Rays *rays) {
+// cones: of cones_begin; ray: the number of the first one.
+INLINE void emit(const Trace *trace, __global const Emitter *emitter, const Words *words, const Words *keys, uint cones,
+                 ulong ray, Rays *rays) {
     __constant Frame *screen = &trace->scene->screen;
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
-        const Direction aim = forward_aim(emitter, words, v);
-        const realv n = -real_sqrt(1 - aim.l * aim.l - aim.m * aim.m);
+        const Leave aim = cones_leave(trace->job, emitter, words, cones, ray, v);
         const realv x = emitter->x + trace->scene->screen_pitch * uniform_centred(ray_words(words, FORWARD_PIXEL_X, v));
         const realv y = emitter->y + trace->scene->screen_pitch * uniform_centred(ray_words(words, FORWARD_PIXEL_Y, v));
         rays->x[v] = screen->axis_x[0] * x + screen->axis_y[0] * y;
         rays->y[v] = screen->axis_y[1] * y;
         rays->z[v] = screen->axis_x[2] * x + screen->axis_y[2] * y;
-        rays->dx[v] = screen->axis_x[0] * aim.l + screen->axis_y[0] * aim.m + screen->axis_z[0] * n;
-        rays->dy[v] = screen->axis_y[1] * aim.m + screen->axis_z[1] * n;
-        rays->dz[v] = screen->axis_x[2] * aim.l + screen->axis_y[2] * aim.m + screen->axis_z[2] * n;
+        rays->dx[v] = screen->axis_x[0] * aim.l + screen->axis_y[0] * aim.m + screen->axis_z[0] * aim.n;
+        rays->dy[v] = screen->axis_y[1] * aim.m + screen->axis_z[1] * aim.n;
+        rays->dz[v] = screen->axis_x[2] * aim.l + screen->axis_y[2] * aim.m + screen->axis_z[2] * aim.n;
         rays->l1_norm[v] = l1_norm_of(rays->x[v], rays->y[v], rays->z[v]);
-        rays->weight[v] = (realv)(emitter->aim_ll * emitter->aim_mm * trace->job->inverse_unit_area);
-        rays->path_low[v] = rays->path_high[v] = (uintv)(0);
+        rays->weight[v] = aim.weight;
+        light_emit(rays, v);
+        for (int w = 0; w < PATH_WORDS; ++w) rays->path[w][v] = (uintv)(0);
         rays->key[v] = ray_words(keys, 0, v);
         rays->group[v] = (intv)(trace->job->screen_group);
         rays->last[v] = (intv)(trace->job->screen_element);
@@ -52,7 +54,8 @@ INLINE Interaction interaction_begin(const Trace *trace, const Rays *rays, int v
     at.event = (intv)(EVENT_NOMINAL);
     at.room = (intv)(stack_room(trace->stack));
     at.ends = to_mask(at.event != at.event);
-    at.draw = path_word(rays->key[v], rays->path_low[v], rays->path_high[v], number);
+    const PathCode path = path_of(rays, v);
+    at.draw = path_word(rays->key[v], &path, number);
     return at;
 }
 
@@ -78,6 +81,7 @@ INLINE Visit visit_begin(const Trace *trace, const Rays *rays, int v, int number
     visit.ray = element_ray(visit.element, rays, v, &offset);
     visit.bound = element_bound(rays, v, &offset);
     visit.at = interaction_begin(trace, rays, v, &visit.ray, number);
+    visit.at.light = light_arrive(visit.element, rays, v);
     return visit;
 }
 
@@ -167,7 +171,7 @@ __kernel void trace_paths(__constant Scene *scene, const Launch launch, __global
     stack_begin(&stack);
     const Trace trace = {scene, elements, scatter, &launch, paths, sums, images, found, &job, &stack, own,
                          source % launch.screen_columns, source / launch.screen_columns};
-    const Emitter emitter = emitters[source];
+    const uint cones = cones_begin(&launch, source);
     Sampler sampler;
     sampler_begin(&sampler, &launch, source);
     Words words, keys;
@@ -175,7 +179,7 @@ __kernel void trace_paths(__constant Scene *scene, const Launch launch, __global
     for (ulong first = item.begin; first < item.end; first += BLOCK) {
         sampler_block(&sampler, first, &words);
         path_keys(&launch, source, first, &keys);
-        emit(&trace, &emitter, &words, &keys, &rays);
+        emit(&trace, &emitters[source], &words, &keys, cones, first, &rays);
         trace_rays(&trace, &rays, (int)min(item.end - first, (ulong)(BLOCK)));
     }
     own[PATH_FAILED] += stack_lost(&stack);

@@ -119,15 +119,16 @@ typedef struct { ulong lanes; uintv way; realv a, b; vec3v normals; } Scatterers
 // way, a, b and normals are set only if some lane scatters.
 INLINE Scatterers scatterers_of(const Trace *trace, const Rays *rays, int v, int number, maskv meets,
                                 const Interaction *at) {
-    const uintv low = rays->path_low[v], high = rays->path_high[v], key = rays->key[v];
-    const maskv chosen = meets & (rays->weight[v] > 0) & (uniform_open(path_word(key, low, high, USE_SCATTER)) <
-                                                          trace->scatter->lobes[number].probability);
+    const PathCode path = path_of(rays, v);
+    const uintv key = rays->key[v];
+    const maskv chosen = meets & (rays->weight[v] > 0) &
+                         (uniform_open(path_word(key, &path, USE_SCATTER)) < trace->scatter->lobes[number].probability);
     Scatterers some;
     some.lanes = mask_word(chosen);
     if (some.lanes == 0) return some;
     some.normals = to_world(&trace->elements[number], at->normal);
-    some.way = path_word(key, low, high, USE_WAY);
-    unit_disk(path_word(key, low, high, USE_RADIUS), path_word(key, low, high, USE_ANGLE), &some.a, &some.b);
+    some.way = path_word(key, &path, USE_WAY);
+    unit_disk(path_word(key, &path, USE_RADIUS), path_word(key, &path, USE_ANGLE), &some.a, &some.b);
     return some;
 }
 
@@ -153,7 +154,7 @@ INLINE void scatter_split(const Trace *trace, const Rays *rays, int v, int k, __
                           const Interaction *at, const Scattered *scattered, real bsdf) {
     const real weight = bsdf * scattered->cosine / scattered->density;
     split_ray(trace, rays, v, k, scattered->along, ((const real *)&rays->weight[v])[k] * weight / lobe->probability,
-              ((const int *)&at->event)[k], EVENT_SCATTER);
+              ((const int *)&at->event)[k], EVENT_SCATTER, light_natural());
 }
 
 // The two functions of a scatter model, made from its bsdf_*(lobe, d^2). *_left: the share of an interaction's light

@@ -1,5 +1,5 @@
 // Tallies of a non-sequential trace: rays and weights where they end, and the detector's images by path. Unit: mm.
-#include "interaction.cl"
+#include "carry_*.cl"
 #include "ray_stack_*.cl"
 #include "sum64.cl"
 
@@ -22,7 +22,7 @@ typedef struct {
     __global const Path *paths;
     __global uint *sums;          // 64-bit
     __global uint *images;        // 64-bit: [classes][screen columns and rows][detector pixels]
-    __global uint *found;         // number of entries, then (low, high, weight's bits) of detected rays
+    __global uint *found;         // number of entries, then (path's words, weight's bits) of detected rays
     const PathJob *job;
     RayStack *stack;
     ulong *own;                   // the work-item's own sums, added to sums at its end
@@ -46,8 +46,14 @@ INLINE void count_weight(const Trace *trace, int place, maskv stays, realv weigh
     trace->own[PATH_ABSORBED + trace->job->element_count + place] += sum_lanes(to_int(counted));
 }
 
-// Records one detected ray at (u, v) in the detector's frame. Its z runs along the light, so the image is upside down.
-INLINE void detect(const Trace *trace, real u, real v, real weight, uint low, uint high) {
+INLINE bool is_path(__global const Path *path, const uint *code) {
+    bool same = true;
+    for (int w = 0; w < PATH_WORDS; ++w) same = same && path->word[w] == code[w];
+    return same;
+}
+
+// Records one detected ray of a path's code at (u, v) in the detector's frame. Its z runs along the light, so the image is upside down.
+INLINE void detect(const Trace *trace, real u, real v, real weight, const uint *code) {
     const Launch *launch = trace->launch;
     __constant Scene *scene = trace->scene;
     const int columns = scene->detector_columns, rows = scene->detector_rows;
@@ -58,14 +64,14 @@ INLINE void detect(const Trace *trace, real u, real v, real weight, uint low, ui
     if (trace->job->found_size > 0) {
         const uint entry = atomic_inc(trace->found);
         if (entry < (uint)trace->job->found_size) {
-            trace->found[3 * entry + 1] = low;
-            trace->found[3 * entry + 2] = high;
-            trace->found[3 * entry + 3] = as_uint((float)weight);
+            __global uint *into = trace->found + 1 + (PATH_WORDS + 1) * entry;
+            for (int w = 0; w < PATH_WORDS; ++w) into[w] = code[w];
+            into[PATH_WORDS] = as_uint((float)weight);
         }
         return;
     }
     int p = 0;
-    while (p < trace->job->path_count - 1 && (trace->paths[p].low != low || trace->paths[p].high != high)) ++p;
+    while (p < trace->job->path_count - 1 && !is_path(&trace->paths[p], code)) ++p;
     const Path path = trace->paths[p];   // the last entry stands for all other paths
     const int base = PATH_ABSORBED + 2 * trace->job->element_count + 2 + 2 * p;
     trace->own[base] += 1;
@@ -90,11 +96,11 @@ INLINE void interaction_end(__constant Element *element, Rays *rays, int v, int 
     rays->dz[v] = meets ? d.z : rays->dz[v];
     rays->l1_norm[v] = l1_norm_of(rays->x[v], rays->y[v], rays->z[v]);
     rays->weight[v] = meets ? at->arriving * at->weight : rays->weight[v];
-    uintv low = rays->path_low[v], high = rays->path_high[v];
-    path_push(&low, &high, as_uintv(at->event + (EVENT_KINDS * number + 1)));
+    light_leave(element, rays, v, meets, at);
+    PathCode path = path_of(rays, v);
+    path_push(&path, as_uintv(at->event + (EVENT_KINDS * number + 1)));
     const intv here = to_int(meets);
-    rays->path_low[v] = here != 0 ? low : rays->path_low[v];
-    rays->path_high[v] = here != 0 ? high : rays->path_high[v];
+    for (int w = 0; w < PATH_WORDS; ++w) rays->path[w][v] = here != 0 ? path.word[w] : rays->path[w][v];
     const intv touches = here & to_int(step <= bound);
     rays->before[v] = here != 0 ? (touches != 0 ? rays->last[v] : (intv)(-1)) : rays->before[v];
     rays->last[v] = here != 0 ? (intv)(number) : rays->last[v];
@@ -130,9 +136,10 @@ INLINE maskv tally_detector(const Trace *trace, const Rays *rays, int v, int num
     count_weight(trace, number, back, at->arriving);
     for (ulong lanes = mask_word(front); lanes != 0; lanes &= lanes - 1) {
         const int k = lowest_lane(lanes);
+        uint code[PATH_WORDS];
+        for (int w = 0; w < PATH_WORDS; ++w) code[w] = ((const uint *)&rays->path[w][v])[k];
         detect(trace, ((const real *)&at->point.x)[k], ((const real *)&at->point.y)[k],
-               ((const real *)&rays->weight[v])[k], ((const uint *)&rays->path_low[v])[k],
-               ((const uint *)&rays->path_high[v])[k]);
+               ((const real *)&rays->weight[v])[k], code);
     }
     return meets;
 }

@@ -11,7 +11,8 @@ INLINE maskv tally_refractor(const Trace *trace, const Rays *rays, int v, int nu
     const realv weight = at->arriving * at->split;
     for (ulong lanes = mask_word(meets & (at->split > 0)); lanes != 0; lanes &= lanes - 1) {
         const int k = lowest_lane(lanes);
-        split_ray(trace, rays, v, k, lane_of(along, k), ((const real *)&weight)[k], EVENT_NOMINAL, EVENT_GHOST);
+        split_ray(trace, rays, v, k, lane_of(along, k), ((const real *)&weight)[k], EVENT_NOMINAL, EVENT_GHOST,
+                  light_reflected(&trace->elements[number], at, k));
     }
     return to_mask(at->event != at->event);
 }

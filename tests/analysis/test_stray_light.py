@@ -167,6 +167,44 @@ def test_the_singlets_ghost_adds_a_height_of_some_22_nm(device):
     assert abs(heights[0].value - heights[1].value) < 2 * Z * math.hypot(*(h.standard_error for h in heights))
 
 
+# --- light that meets an element twice ----------------------------------------------------------------------
+
+
+def windowed(diameter_mm, reflectance=0.0):
+    """A sphere behind a window that takes part of its light, or all of it; its light crosses it going and coming."""
+    scene = load_scene("sphere")
+    faces = tuple(
+        Element(name, "refractor", (0.0, 0.0, z), (0.0, 0.0, 4000.0), diameter_mm=diameter_mm, index_front=front,
+                index_back=back, reflectance=reflectance)
+        for name, z, front, back in (("front", 110.0, 1.0, 1.5), ("back", 100.0, 1.5, 1.0))
+    )  # fmt: skip
+    screen = replace(scene.screen, pixels=(11, 11), pitch_mm=0.4)
+    detector = replace(scene.camera.detector, pixels=(31, 31), pitch_mm=0.149)
+    return replace(scene, element=faces, screen=screen, camera=replace(scene.camera, detector=detector))
+
+
+@pytest.mark.parametrize("diameter_mm", [500.0, 1200.0])
+def test_a_window_that_reflects_nothing_makes_no_ghost(device, diameter_mm):
+    """Part of the mirror and all of it: every path is direct, nothing is added to the height, no pixel is lost."""
+    light = trace_paths(windowed(diameter_mm), device=device, rays_per_pixel=2**15, seed=3)
+    twice = "screen > front > back > mirror > back > front > lens > detector"
+    found = {path.name: path for path in light.paths if path.rays}
+    assert twice in found and found[twice].kind == "direct"
+    assert {path.kind for path in found.values()} == {"direct"}
+    assert not light.images_w[:, 1:].any()
+    assert stray_light(light) == ()
+    if diameter_mm > 1100:
+        assert set(found) == {twice}
+
+
+def test_a_window_over_the_mirror_that_reflects_makes_ghosts(device):
+    """Between its faces; measured against the light that crosses it twice."""
+    light = trace_paths(windowed(1200.0, 0.04), device=device, rays_per_pixel=2**15, seed=3)
+    (ghost,) = stray_light(light)
+    assert ghost.kind == "ghost" and 1e-4 < ghost.of_direct < 0.1
+    assert math.isfinite(ghost.height_nm.value)
+
+
 # --- scenes that cannot be ---------------------------------------------------------------------------------
 
 

@@ -102,9 +102,7 @@ def test_kernel_prints_source_that_stands_alone(irtscots, device, estimator):
     assert (code, err) == (0, "")
     assert out.startswith("// build options: ") and "-cl-std=" in out.splitlines()[0]
     assert f"trace_{estimator}(" in out and "#include" not in out
-    data = json.loads(
-        irtscots("kernel", "sphere", "--estimator", estimator, "--json", "--device", device.index)[1]
-    )
+    data = json.loads(irtscots("kernel", "sphere", "--estimator", estimator, "--json", "--device", device.index)[1])
     assert out.endswith(data["source"]) and f"trace_{estimator}.cl" in data["files"]
     assert out.splitlines()[0] == f"// build options: {' '.join(data['options'])}"
 
@@ -286,9 +284,7 @@ def test_smoothing_is_reported_and_has_less_noise(irtscots, finished, device, he
 
 
 def test_reconstruct_finds_in_a_run_s_images_what_the_run_found(irtscots, finished, here):
-    code, out, err = irtscots(
-        "reconstruct", finished / "out" / "result.h5", "--scene", finished / "my.toml", "--json"
-    )
+    code, out, err = irtscots("reconstruct", finished / "out" / "result.h5", "--scene", finished / "my.toml", "--json")
     assert (code, err) == (0, "")
     folder = here / "irtscots-out" / "sphere-deviated-measured"
     assert everything_in(folder) == [*FILES[:4], "result.h5"]
@@ -350,12 +346,8 @@ def test_reconstruct_refuses_images_that_do_not_fit(irtscots, finished, here):
         "images of (25, 25) and (25, 25) (rows, columns) do not fit; must be of the scene's detector, (125, 125)",
     )
     (here / "text.h5").write_text("no HDF5")
-    assert_refused(
-        irtscots("reconstruct", "text.h5", "--scene", "sphere"), 2, "text.h5: not a readable HDF5 file"
-    )
-    assert_refused(
-        irtscots("reconstruct", "none.h5", "--scene", "sphere"), 2, "none.h5: not a readable HDF5 file"
-    )
+    assert_refused(irtscots("reconstruct", "text.h5", "--scene", "sphere"), 2, "text.h5: not a readable HDF5 file")
+    assert_refused(irtscots("reconstruct", "none.h5", "--scene", "sphere"), 2, "none.h5: not a readable HDF5 file")
     assert_refused(irtscots("reconstruct", images, "--scene", "none"), 2, "none: unknown scene")
     assert_refused(irtscots("reconstruct", images), 2, "--scene", "see irtscots reconstruct --help")
     for threshold in ("1", "-0.1", "nan"):
@@ -475,9 +467,7 @@ def test_reconstruct_refuses_what_it_cannot_use(irtscots, finished, here, option
         ("[mirror]", "[mirror", ("is not valid TOML",)),
     ],
 )
-def test_a_bad_scene_file_is_refused_in_one_line_and_nothing_is_written(
-    irtscots, device, here, old, new, parts
-):
+def test_a_bad_scene_file_is_refused_in_one_line_and_nothing_is_written(irtscots, device, here, old, new, parts):
     text = preset_text("sphere")
     assert text.count(old) == 1, "the test changes one thing"
     (here / "my.toml").write_text(text.replace(old, new))
@@ -513,6 +503,7 @@ def test_a_bad_scene_file_is_refused_in_one_line_and_nothing_is_written(
         (("run", "sphere", "--seed", "-1"), ("--seed = -1: must be 0 to 2^64 - 1",)),
         (("run", "sphere", "--overfill", "0.5"), ("--overfill = 0.5: must be 1 to 10000",)),
         (("run", "sphere", "--overfill", "nan"), ("--overfill = nan: must be 1 to 10000",)),
+        (("paths", "sphere", "--overfill", "0.5"), ("--overfill = 0.5: must be 1 to 10000",)),
         (("run", "sphere", "--measure", "bad"), ("--measure = 'bad': must be one of paper, fine, refined",)),
         (
             ("run", "sphere", "--smoothing", "--estimator", "forward"),

@@ -36,7 +36,11 @@ PATH_FAMILIES = {
     "path_rng": ["none", "philox"],
     "ray_stack": ["none", "list"],
     "branch": ["random", "split"],
+    "path_code": ["short", "long"],
+    "cones": ["single", "several"],
 }
+# Chosen together: all of one member.
+LIGHT_FAMILIES = {family: ["unpolarised", "polarised"] for family in ("light", "carry", "fresnel")}
 STRUCTS = {"Launch": LAUNCH}
 
 
@@ -57,8 +61,7 @@ def scene_for(choices):
     zernike = base.mirror.zernike if choices["zernike"] == "clenshaw" else (few,)
     size = 1e-6 if choices["arrival"] == "compensated" else 1.0
     zernike = tuple(
-        replace(terms, coefficients_um={j: c * size for j, c in terms.coefficients_um.items()})
-        for terms in zernike
+        replace(terms, coefficients_um={j: c * size for j, c in terms.coefficients_um.items()}) for terms in zernike
     )
     mirror = Mirror(
         radius_mm=1500.0,
@@ -105,8 +108,9 @@ def test_no_kernel_file_is_dead():
     }
     for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
-    for members in itertools.product(*PATH_FAMILIES.values()):
+    for *members, light in itertools.product(*PATH_FAMILIES.values(), LIGHT_FAMILIES["light"]):
         choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power"}
+        choices |= dict.fromkeys(LIGHT_FAMILIES, light)
         first = [name for name in kernel_files() if name.startswith("interact_")]
         first += ["element_deviated.cl", *(name for name in kernel_files() if name.startswith("scatter_"))]
         first += ["tally_random.cl" if choices["branch"] == "random" else "tally_split.cl"]
@@ -128,8 +132,8 @@ def test_families_here_are_those_of_the_folder():
         for path in kernel_files().values()
         for star in re.findall(r'^#include "([a-z0-9_]+)_\*\.cl"', path.read_text(), re.M)
     }
-    assert stars == {*FAMILIES, *PATH_FAMILIES, "simd", "real"}
-    for family, members in (FAMILIES | PATH_FAMILIES).items():
+    assert stars == {*FAMILIES, *PATH_FAMILIES, *LIGHT_FAMILIES, "simd", "real"}
+    for family, members in (FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES).items():
         assert {f"{family}_{member}.cl" for member in members} == {
             name for name in kernel_files() if re.fullmatch(rf"{family}_[a-z0-9_]+\.cl", name)
         }
@@ -164,9 +168,7 @@ def test_precision_and_width_choose_the_types():
 
 
 def test_an_entry_elsewhere_includes_files_of_the_folder(tmp_path):
-    entry = write(
-        tmp_path / "mine.cl", '#include "philox.cl"\n__kernel void mine(__global int *x) { x[0] = WIDTH; }\n'
-    )
+    entry = write(tmp_path / "mine.cl", '#include "philox.cl"\n__kernel void mine(__global int *x) { x[0] = WIDTH; }\n')
     source = compose(entry, {}, STRUCTS, "fp32", 1)
     assert source.files == ("real_float.cl", "simd_scalar.cl", "philox.cl", "mine.cl")
 
@@ -215,9 +217,7 @@ def test_a_compilers_message_names_file_and_line(device, tmp_path, temporary, li
     lines = ["// nothing"] * 6
     lines[0] = lines[2] = '#include "philox.cl"'
     lines.insert(line - 1, "int broken = no_such_name;")
-    entry = write(
-        tmp_path / "broken_here.cl", "\n".join([*lines, "__kernel void broken_here(__global int *x) {}", ""])
-    )
+    entry = write(tmp_path / "broken_here.cl", "\n".join([*lines, "__kernel void broken_here(__global int *x) {}", ""]))
     with pytest.raises(DeviceError) as caught:
         build(device, compose(entry, {}, STRUCTS, "fp32", 1))
     message = str(caught.value)
@@ -245,9 +245,7 @@ def test_building_twice_gives_the_same_program(device):
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_no_number_and_no_string_of_a_scene_reaches_the_source(estimator):
     first = lopsided()
-    second = replace(
-        first, name="Xx-another_Name.9", mirror=replace(first.mirror, radius_mm=1501.25, reflectance=0.5)
-    )
+    second = replace(first, name="Xx-another_Name.9", mirror=replace(first.mirror, radius_mm=1501.25, reflectance=0.5))
     texts = []
     for scene in (first, second):
         packed = pack(ChiefRays(scene), "fp32")

@@ -100,6 +100,20 @@ def test_roughness_scatters_as_its_square_or_less():
     assert tis_of_roughness(1e-9, 1.0, exact=True) == near((4e-9 * np.pi) ** 2, ROUNDING)
 
 
+def test_an_interface_scatters_by_the_phase_that_its_roughness_gives():
+    """By the change of n cos(theta): (2 pi sigma (n2 - n1) / lambda)^2 at normal incidence, else by Snell's law."""
+    assert tis_of_roughness(5.0, 632.8, index_beyond=1.517) == pytest.approx(6.59e-4, abs=5e-7)  # as printed
+    assert tis_of_roughness(5.0, 632.8) == pytest.approx(9.86e-3, abs=5e-6)  # a mirror's
+    sine = math.sin(math.radians(50))
+    step = math.sqrt(1.517**2 - sine**2) - math.sqrt(1 - sine**2)
+    into = tis_of_roughness(5.0, 632.8, math.sqrt(1 - sine**2), index_beyond=1.517)
+    assert into == near((2 * math.pi * 5 * step / 632.8) ** 2, 1e-12)
+    inside = math.sqrt(1 - (sine / 1.517) ** 2)
+    assert tis_of_roughness(5.0, 632.8, inside, index=1.517, index_beyond=1.0) == near(into, 1e-9)  # the way back
+    assert tis_of_roughness(5.0, 632.8, inside, index=1.517) == near((4 * math.pi * 5 * 1.517 * inside / 632.8) ** 2,
+                                                                      1e-12)  # fmt: skip
+
+
 # --- cut at the horizon -------------------------------------------------------------------------------------
 
 CUT = [
@@ -363,6 +377,14 @@ def test_constructors_and_functions_refuse_with_such_lines():
     assert refusal(tis_of_roughness, -1, 5) == place + "sigma_nm = -1.0: must be a finite number at least 0"
     assert refusal(tis_of_roughness, 1, [5, 0]) == place + "wavelength_nm = 0.0: must be above 0"
     assert refusal(tis_of_roughness, 1, 5, 1.5) == place + "cosine = 1.5: must be 0 to 1"
+    assert refusal(tis_of_roughness, 1, 5, index=0.9) == place + "index = 0.9: must be a finite number at least 1"
+    beyond = refusal(tis_of_roughness, 1, 5, index_beyond=0.9)
+    assert beyond == place + "index_beyond = 0.9: must be a finite number at least 1"
+    total = refusal(tis_of_roughness, 1, 5, 0.5, index=1.5, index_beyond=1.0)
+    assert total == place + "cosine = 0.5: must be above that of total reflection"
+    assert refusal(Harvey(0.01, -1.5, roughness_nm=2.0, wavelength_nm=5e2).tis_at, -1) == (
+        "tis_at: sin0 = -1.0: must be 0 to 1"
+    )
 
 
 def test_models_are_values():
@@ -378,3 +400,13 @@ def test_models_are_values():
 def test_a_lobe_of_given_roughness_scatters_as_bennett_and_porteus_say():
     rough = Harvey(0.01, -1.5, roughness_nm=200.0, wavelength_nm=500.0)
     assert rough.tis_at() == near(1 - math.exp(-((4 * math.pi * 200 / 500) ** 2)), ROUNDING)
+
+
+def test_a_rough_mirrors_total_falls_with_the_square_of_the_cosine():
+    """The cut at the horizon alone would leave three quarters of this wide lobe at 60 degrees."""
+    rough = Harvey(0.01, -1.5, roughness_nm=5.0, wavelength_nm=632.8)
+    at_60 = math.sin(math.radians(60))
+    assert rough.tis_at(at_60) / rough.tis_at() == pytest.approx(0.25, rel=0.01, abs=0)  # 1 - exp(-g): half of g
+    assert rough.above_horizon(at_60) / rough.above_horizon() > 0.7
+    g = (4 * math.pi * 5 / 632.8) ** 2
+    np.testing.assert_allclose(rough.tis_at([0.0, at_60]), -np.expm1([-g, -g / 4]), rtol=1e-12)

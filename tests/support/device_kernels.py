@@ -15,6 +15,8 @@ from irtscots_cl.opencl.structs import LAUNCH, PRECISIONS
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.tracing.packing.scene import pack
 
+# Files that non-sequential kernels include, for tests that need none in particular.
+PATH_FILES = {"path_code": "short", "light": "unpolarised", "carry": "unpolarised", "fresnel": "unpolarised"}
 FOLDER = Path(__file__).parents[1] / "kernels"
 
 

@@ -39,8 +39,9 @@ def plate_mean(of_reflectance, index=1.52, sine=532.0 / 4166.747):
     return float(np.mean(of_reflectance((s**2 + p**2) / 2)))
 
 
-def light_of(scene, device, **options):
-    scene = coarse_screen(scene)
+def light_of(scene, device, as_it_is=False, **options):
+    """A trace with few rays of the scene with a coarse screen, or as it is."""
+    scene = scene if as_it_is else coarse_screen(scene)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(nonsequential, "PILOT_RAYS", PILOT_RAYS)
         given = {"rays_per_pixel": RAYS, "replicates": REPLICATES, "seed": 5, "branches": "both", **options}
@@ -50,5 +51,3 @@ def light_of(scene, device, **options):
 def path_of(light, name):
     (path,) = (path for path in light.paths if path.name == name)
     return path
-
-

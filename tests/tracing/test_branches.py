@@ -176,4 +176,4 @@ def test_no_ray_is_lost_where_very_many_part(device):
     assert ends["failed"] == 0
     (other,) = tracer.task.light.fluxes(sums, rays)
     staying_w = sum(stay.flux_w for stay in tracer.task.light.losses(sums, rays))
-    assert other.flux_w + staying_w == pytest.approx(tracer.task.launched_w, rel=1e-4, abs=0)
+    assert other.flux_w + staying_w == pytest.approx(tracer.task.traced_w, rel=1e-4, abs=0)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from device_kernels import kernel_text
+from device_kernels import PATH_FILES, kernel_text
 from oracle import sequence
 
 from irtscots_cl.maths.frame import Frame
@@ -139,7 +139,7 @@ class Bench:
     def kernel(self, name, include, signature, body):
         entry = kernel_text(self.folder / f"{name}.cl", [include], "__constant Element *elements, " + signature, body)
         structs = {"Scene": SCENE, "Element": element_dtype(self.real, 1)}
-        source = compose(entry, {"branch": self.branches}, structs, self.precision, self.width)
+        source = compose(entry, PATH_FILES | {"branch": self.branches}, structs, self.precision, self.width)
         return Workspace(self.device, source, name)
 
     def launch(self, work, inputs, outputs):

@@ -484,8 +484,8 @@ def test_a_bounce_limit_leaves_shorter_paths_as_they_are(device):
 @pytest.mark.parametrize(
     ("values", "line"),
     [
-        ({"bounce_limit": 0}, "--bounce-limit = 0: must be 1 to 10"),
-        ({"bounce_limit": 11}, "--bounce-limit = 11: must be 1 to 10"),
+        ({"bounce_limit": 0}, "--bounce-limit = 0: must be 1 to 42"),
+        ({"bounce_limit": 43}, "--bounce-limit = 43: must be 1 to 42"),
         ({"least_chance": -0.1}, "--least-chance = -0.1: must be 0 to 0.5"),
         ({"least_chance": 0.51}, "--least-chance = 0.51: must be 0 to 0.5"),
         ({"replicates": 0}, "--replicates = 0: must be 1 to 1024"),

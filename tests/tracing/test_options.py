@@ -76,11 +76,14 @@ def test_every_value_in_range_is_kept(given):
                 ("aimed_scatter", False, "--no-aimed-scatter"),
             )
         ),
-        *(({"estimator": NONSEQUENTIAL} | given, message) for given, message in (
-            ({"bounce_limit": 0}, "--bounce-limit = 0: must be 1 to 10"),
-            ({"least_chance": 0.6}, "--least-chance = 0.6: must be 0 to 0.5"),
-            ({"branches": "some"}, "--branches = 'some': must be one of random, split"),
-        )),
+        *(
+            ({"estimator": NONSEQUENTIAL} | given, message)
+            for given, message in (
+                ({"bounce_limit": 0}, "--bounce-limit = 0: must be 1 to 42"),
+                ({"least_chance": 0.6}, "--least-chance = 0.6: must be 0 to 0.5"),
+                ({"branches": "some"}, "--branches = 'some': must be one of random, split"),
+            )
+        ),
     ],
     ids=str,
 )

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from irtscots_cl.opencl.structs import MAX_EVENTS, PATH_WORDS, SHORT_EVENTS
 from irtscots_cl.scene.model import MAX_ELEMENTS
-from irtscots_cl.tracing.options import MAX_EVENTS
+from irtscots_cl.tracing.estimators.path_sums import TrackedPaths
 from irtscots_cl.tracing.results.paths import KINDS, PATH_BITS, events_of, kind_of, name_of
 
 NOMINAL, GHOST, SCATTER = range(3)
@@ -48,15 +49,28 @@ def test_every_event_of_every_element_is_a_digit_of_its_own(element, event):
 
 def test_ten_events_fill_sixty_bits():
     """The longest path of the largest digits: two words of the kernels' Path structure hold it, and none is lost."""
-    events = [(HIGHEST, SCATTER)] * MAX_EVENTS
+    assert SHORT_EVENTS == 10
+    events = [(HIGHEST, SCATTER)] * SHORT_EVENTS
     code = code_of(*events)
     assert 2**59 <= code < 2**60
     assert events_of(code) == events
-    mixed = [(k, k % 3) for k in range(MAX_EVENTS)]
+    mixed = [(k, k % 3) for k in range(SHORT_EVENTS)]
     assert events_of(code_of(*mixed)) == mixed
     low, high = code & 0xFFFFFFFF, code >> 32
     assert high < 2**28
     assert events_of(high << 32 | low) == events
+
+
+def test_longer_paths_take_eight_words():
+    """42 events, more than 16 elements that are met twice; the table of tracked paths holds their codes."""
+    assert MAX_EVENTS == 42
+    events = [(k % (HIGHEST + 1), k % 3) for k in range(MAX_EVENTS)]
+    code = code_of(*events)
+    assert 2**246 < code < 2**252
+    assert events_of(code) == events
+    (entry, _) = TrackedPaths((code,), (1.0,)).table("long")
+    assert len(entry["word"]) == PATH_WORDS["long"] == 8
+    assert sum(int(word) << 32 * k for k, word in enumerate(entry["word"])) == code
 
 
 @pytest.mark.parametrize(
@@ -64,8 +78,9 @@ def test_ten_events_fill_sixty_bits():
     [
         ([(0, NOMINAL), (2, NOMINAL), (3, NOMINAL)], "direct"),
         ([(0, NOMINAL), (4, GHOST), (5, GHOST), (3, NOMINAL)], "ghost"),
-        ([(0, NOMINAL), (4, NOMINAL), (0, NOMINAL), (3, NOMINAL)], "ghost"),  # the mirror twice
-        ([(0, NOMINAL), (4, NOMINAL), (4, NOMINAL)], "ghost"),
+        ([(4, NOMINAL), (0, NOMINAL), (4, NOMINAL), (3, NOMINAL)], "direct"),  # a window before the mirror
+        ([(0, NOMINAL), (4, NOMINAL), (0, NOMINAL), (3, NOMINAL)], "direct"),  # a double pass
+        ([(4, NOMINAL), (0, NOMINAL), (4, GHOST), (0, NOMINAL), (4, NOMINAL), (3, NOMINAL)], "ghost"),
         ([(0, SCATTER), (2, NOMINAL), (3, NOMINAL)], "scatter"),
         ([(0, SCATTER), (4, GHOST), (5, GHOST), (3, NOMINAL)], "scatter"),
         ([(4, GHOST), (0, SCATTER), (3, NOMINAL)], "scatter"),
@@ -79,6 +94,4 @@ def test_the_strangest_event_makes_the_kind(events, kind):
 
 def test_a_name_tells_elements_in_order_with_what_happened():
     events = [(0, SCATTER), (4, NOMINAL), (5, GHOST), (4, GHOST), (5, NOMINAL), (3, NOMINAL)]
-    assert name_of(code_of(*events), NAMES) == (
-        "screen > mirror (s) > front > back (r) > front (r) > back > detector"
-    )
+    assert name_of(code_of(*events), NAMES) == ("screen > mirror (s) > front > back (r) > front (r) > back > detector")

@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from device_kernels import kernel_text
+from device_kernels import PATH_FILES, kernel_text
 from significance import chi_square_p, sidak_p, sidak_z
 from tracers import setup_of
 
@@ -86,7 +86,7 @@ class Scatterer:
         signature = "__constant Scatter *scatter, int model, __constant real *about, __global const uint *words, "
         signature += "__global const real *cosines, __global real *out"
         entry = kernel_text(folder / "draw.cl", [f"scatter_{name}.cl" for name in NAMES], signature, DRAW)
-        choices = packed.choices | {"ray_stack": "list", "branch": "random"}
+        choices = packed.choices | PATH_FILES | {"ray_stack": "list", "branch": "random"}
         self.width = device.vector_width(precision)
         self.work = Workspace(device, compose(entry, choices, packed.structs | structs, precision, self.width), "draw")
 

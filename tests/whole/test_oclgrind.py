@@ -137,6 +137,9 @@ def of_elements(preset: str, **values: object) -> Scene:
 # beside the screen and the camera: what the mirror sends past them scatters there
 WALL = Element("wall", "absorber", (0.0, 0.0, 4100.0), (0.0, 0.0, 0.0), size_mm=(400.0, 400.0),
                scatter=SCATTER["harvey"])  # fmt: skip
+# beside the mirror, so that rays go into several cones
+PANEL = Element("panel", "absorber", (480.0, 480.0, 60.0), (480.0, 480.0, 4000.0), size_mm=(100.0, 100.0),
+                scatter=SCATTER["lambertian"])  # fmt: skip
 PATHS = {
     "plain": small("sphere", 1, 4.0),
     "deviated": small("sphere-deviated", 1, 4.0),
@@ -146,15 +149,24 @@ PATHS = {
     "window": small("sphere-window", 1, 4.0),
     "coated": of_elements("sphere-singlet", coating_index=1.2),
     "wall": dataclasses.replace(small("sphere", 1, 4.0), element=(WALL,)),
+    "panel": dataclasses.replace(small("sphere", 1, 4.0), element=(PANEL,)),
+    "rough": small("sphere", 1, 4.0, scatter=Harvey(l=0.01, s=-1.5, roughness_nm=50.0, wavelength_nm=633.0)),
+    "polarised": small("sphere-singlet", 1, 2.0),
+    "polarised coating": of_elements("sphere-singlet", coating_index=1.2),
+    "long": small("sphere-window", 1, 4.0),
 } | {name: small("sphere", 1, 4.0, scatter=model) for name, model in SCATTER.items()}
 
 
+# Of some of them; the others have none.
+PATH_OPTIONS = {"long": {"bounce_limit": 12}, "polarised": {"polarisation": "on"},
+                "polarised coating": {"polarisation": "on"}}  # fmt: skip
 RAYS = 18  # of a screen pixel
 BLOCKS = 264  # more than a block
 
 
 @pytest.mark.parametrize(
-    ("kind", "branches"), [*((kind, "random") for kind in PATHS), ("singlet", "split"), ("coated", "split")]
+    ("kind", "branches"),
+    [*((kind, "random") for kind in PATHS), *((kind, "split") for kind in ("singlet", "coated", "polarised"))],
 )
 @pytest.mark.parametrize("width", WIDTHS)
 def test_nonsequential(oclgrind, width, kind, branches, monkeypatch):
@@ -163,7 +175,7 @@ def test_nonsequential(oclgrind, width, kind, branches, monkeypatch):
         monkeypatch.setattr(nonsequential, name, value)
     monkeypatch.setattr(nonsequential.PathTask, "max_rays_per_item", of_item)
     light = trace_paths(PATHS[kind], device=oclgrind.device(width), rays_per_pixel=rays, replicates=1,
-                                      branches=branches)  # fmt: skip
+                        branches=branches, **PATH_OPTIONS.get(kind, {}))  # fmt: skip
     assert light.ends["detected"] > 0  # some light is stored
     assert oclgrind.complaints() == []
 

@@ -29,7 +29,7 @@ def trace_sequence(components: tuple[Component, ...], events, points_mm, directi
             axes = component.frame.axes
             at, local = (point - component.frame.position_mm) @ axes.T, along @ axes.T
             met = _meet(component, at, local, stands=number == last)
-            goes = _interact(component, event, met, local)
+            goes = interact(component, event, met, local)
             point, along, last = met @ axes + component.frame.position_mm, goes @ axes, number
             points.append(point)
             ways.append(along)
@@ -41,9 +41,9 @@ def _meet(component: Component, at, along, stands: bool) -> np.ndarray:
     """Where rays meet the surface, in its frame: nearest the vertex, or the other root if they stand on it."""
     back = np.zeros(len(at)) if stands else -np.sum(at * along, -1)  # starting near the vertex keeps all numbers small
     base = at + back[:, None] * along
-    a = _form(component.quadric, along, along)
-    b = _form(component.quadric, base, along) - along[:, 2]
-    c = np.zeros(len(at)) if stands else _form(component.quadric, base, base) - 2 * base[:, 2]
+    a = quadric_form(component.quadric, along, along)
+    b = quadric_form(component.quadric, base, along) - along[:, 2]
+    c = np.zeros(len(at)) if stands else quadric_form(component.quadric, base, base) - 2 * base[:, 2]
     root = np.sqrt(b * b - a * c)
     larger = np.where(b < 0, root - b, -root - b)
     step = larger / a if stands else c / larger
@@ -54,23 +54,21 @@ def _meet(component: Component, at, along, stands: bool) -> np.ndarray:
     return np.where((ahead & front)[:, None], point, np.nan)
 
 
-def _form(quadric: Quadric, a, b) -> np.ndarray:
+def quadric_form(quadric: Quadric, a, b) -> np.ndarray:
     """The quadric's bilinear form of vectors [n, 3]."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     q = quadric
     return q.q_xx * ax * bx + q.q_yy * ay * by + q.q_zz * az * bz + q.q_xz * (ax * bz + az * bx)
 
 
-def _interact(component: Component, event: int, point, along) -> np.ndarray:
-    """Directions [n, 3] after an event, in the element's frame."""
+def interact(component: Component, event: int, point, along) -> np.ndarray:
+    """Directions [n, 3] after an event at points along directions [n, 3], all in the element's frame; NaN for none."""
     if component.kind == "detector":
         return along
     if component.kind == "lens" and event == NOMINAL:
         slopes = along[:, :2] / np.abs(along[:, 2:]) - point[:, :2] / component.focal_length_mm
         return unit(np.column_stack([slopes, np.sign(along[:, 2])]))
-    q = component.quadric
-    normal = unit(np.column_stack([-(q.q_xx * point[:, 0] + q.q_xz * point[:, 2]), -q.q_yy * point[:, 1],
-                                    1 - q.q_zz * point[:, 2] - q.q_xz * point[:, 0]]))  # fmt: skip
+    normal = surface_normal(component, point)
     cosine = np.sum(along * normal, -1, keepdims=True)
     mirrored = along - 2 * cosine * normal
     if component.refracts and event == GHOST:
@@ -82,6 +80,13 @@ def _interact(component: Component, event: int, point, along) -> np.ndarray:
         return tangential + np.sign(cosine) * behind * normal
     reflects = component.kind == "mirror" and event == NOMINAL
     return np.where((cosine < 0) & reflects, mirrored, np.nan)
+
+
+def surface_normal(component: Component, point) -> np.ndarray:
+    """Unit normals [n, 3] towards the front at points [n, 3] of the surface, both in the element's frame."""
+    q = component.quadric
+    return unit(np.column_stack([-(q.q_xx * point[:, 0] + q.q_xz * point[:, 2]), -q.q_yy * point[:, 1],
+                                 1 - q.q_zz * point[:, 2] - q.q_xz * point[:, 0]]))  # fmt: skip
 
 
 def unit(vectors) -> np.ndarray:

@@ -54,15 +54,18 @@ class ScatterModel(abc.ABC):
         return self._scale * self._area(np.asarray(x, float))
 
     def tis_at(self, sin0: ArrayLike = 0.0) -> FloatArray:
-        """Total integrated scatter [...]: the fraction into the hemisphere when |beta0| = sin0 [...], 0 to 1.
+        """Total integrated scatter [...]: the fraction into the hemisphere when |beta0| = sin0 [...], 0 to 1."""
+        return self.above_horizon(check_sine("tis_at", sin0))
+
+    def above_horizon(self, sin0: ArrayLike = 0.0) -> FloatArray:
+        """Integral of the BSDF [...] over the hemisphere when |beta0| = sin0 [...], 0 to 1: the lobe without its cut.
 
         In polar coordinates about beta0 it is the mean over the azimuth of lobe(D), where D = -sin0 cos(azimuth) +
         (1 - sin0^2 sin^2(azimuth))^(1/2) is the distance to the horizon. With sin0 cos(azimuth) = cos0 sinh(w) that is
         D = cos0 exp(-w), |w| <= W = arsinh(tan0). This is a smooth function of w even near grazing incidence, where D
         spans decades. With w = W sin(t) the midpoint rule in t converges exponentially.
         """
-        sin0 = np.asarray(sin0, float)
-        check_all("tis_at", "sin0", sin0, (sin0 >= 0) & (sin0 <= 1), "0 to 1")
+        sin0 = check_sine("above_horizon", sin0)
         t = (np.arange(OBLIQUE_NODES) + 0.5) * (np.pi / OBLIQUE_NODES) - np.pi / 2
         cos0 = np.maximum(np.sqrt((1 - sin0) * (1 + sin0)), MIN_COSINE)[..., None]
         top = np.maximum(np.arcsinh(sin0[..., None] / cos0), 1e-9)  # W; the square of the minimum is negligible
@@ -116,3 +119,10 @@ def check_all(source: str, key: str, value: FloatArray, allowed: BoolArray, text
     """Raise SceneError for the first value where `allowed`, of the same shape, is false."""
     if not np.all(allowed):
         raise problem(source, (key,), f"must be {text}", float(value[~allowed][0]))
+
+
+def check_sine(source: str, sin0: ArrayLike) -> FloatArray:
+    """sin0 [...] as an array. Raises SceneError unless all are 0 to 1."""
+    sin0 = np.asarray(sin0, float)
+    check_all(source, "sin0", sin0, (sin0 >= 0) & (sin0 <= 1), "0 to 1")
+    return sin0

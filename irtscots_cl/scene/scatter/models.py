@@ -1,4 +1,4 @@
-"""Models of scattered light: Lambertian, Harvey, ABg. Also the total scatter of a rough mirror.
+"""Models of scattered light: Lambertian, Harvey, ABg. Also the total scatter of a rough mirror or interface.
 
 J. C. Stover, Optical Scattering: Measurement and Analysis, 3rd ed., SPIE 2012, has the definitions and the models.
 """
@@ -22,6 +22,7 @@ from irtscots_cl.scene.scatter.lobe import (
     TABLE_NODES,
     ScatterModel,
     check_all,
+    check_sine,
     mean_profile,
 )
 from irtscots_cl.scene.validation import Fraction, bounded, checked, refuse
@@ -63,7 +64,9 @@ class Harvey(ScatterModel):
     """Harvey-Shack: BSDF = b0 (1 + (d / l)^2)^(s / 2), with shoulder l and slope s.
 
     Give exactly one of b0 [1/sr], tis (total integrated scatter at normal incidence), or roughness_nm (rms) with
-    wavelength_nm; tis_of_roughness converts roughness to tis for a mirror. Raises SceneError otherwise.
+    wavelength_nm (in vacuum). Raises SceneError otherwise. With roughness_nm the total is that of tis_of_roughness, by
+    the incidence and by the media of the surface, and the lobe, cut at the horizon, is scaled to that total: b0 then
+    depends on both. bsdf, lobe and above_horizon give it for a mirror at normal incidence, tis_at for a mirror.
     J. E. Harvey, Light-Scattering Characteristics of Optical Surfaces, thesis, University of Arizona, 1976.
     """
 
@@ -100,6 +103,20 @@ class Harvey(ScatterModel):
             total = float(tis_of_roughness(self.roughness_nm, self.wavelength_nm, exact=True))
         area = self._area(np.float64(1.0))  # type: ignore[arg-type]  # a scalar stands for an array
         return float(total / area)
+
+    @property
+    def roughness_phase(self) -> float | None:
+        """2 pi roughness / wavelength: phase that the rms height gives light per unit of n cos(theta); else None."""
+        if self.roughness_nm is None or self.wavelength_nm is None:
+            return None
+        return 2 * math.pi * self.roughness_nm / self.wavelength_nm
+
+    def tis_at(self, sin0: ArrayLike = 0.0) -> FloatArray:
+        """As of ScatterModel. With roughness_nm: of a mirror, 1 - exp(-(4 pi roughness cos0 / wavelength)^2)."""
+        if self.roughness_nm is None or self.wavelength_nm is None:
+            return super().tis_at(sin0)
+        sin0 = check_sine("tis_at", sin0)
+        return tis_of_roughness(self.roughness_nm, self.wavelength_nm, np.sqrt((1 - sin0) * (1 + sin0)), exact=True)
 
     def _profile(self, d: FloatArray) -> FloatArray:
         return np.exp(self.s / 2 * np.log1p((d / self.l) ** 2))
@@ -177,17 +194,37 @@ def _check_total(model: ScatterModel, key: str, value: float) -> None:
 
 
 def tis_of_roughness(
-    sigma_nm: ArrayLike, wavelength_nm: ArrayLike, cosine: ArrayLike = 1.0, exact: bool = False
+    sigma_nm: ArrayLike,
+    wavelength_nm: ArrayLike,
+    cosine: ArrayLike = 1.0,
+    exact: bool = False,
+    index: ArrayLike = 1.0,
+    index_beyond: ArrayLike | None = None,
 ) -> FloatArray:
-    """Total integrated scatter [...] of a mirror with rms roughness Rq = sigma_nm; cosine: of the angle of incidence.
+    """Total integrated scatter [...] of a surface with rms roughness Rq = sigma_nm; cosine: of the angle of incidence.
 
-    It is g = (4 pi sigma cosine / wavelength)^2 for roughness far below the wavelength: H. Davies, Proc. IEE 101 (1954)
-    209. With exact, it is 1 - exp(-g), for normally distributed heights: H. E. Bennett, J. O. Porteus, J. Opt. Soc. Am.
-    51 (1961) 123. sigma_nm includes only the spatial frequencies that scatter into the hemisphere.
+    It is g = (2 pi sigma step / wavelength)^2 for roughness far below the wavelength (in vacuum). step is the change of
+    n cos(theta), with theta to the normal: for reflected light 2 n1 cosine in a medium of index n1 (H. Davies, Proc.
+    IEE 101 (1954) 209), for light that goes on into index_beyond n2 cos(theta2) - n1 cosine by Snell's law (J. E.
+    Harvey, S. Schroeder, N. Choi, A. Duparre, Opt. Eng. 51 (2012) 013402). With exact, it is 1 - exp(-g), for normally
+    distributed heights: H. E. Bennett, J. O. Porteus, J. Opt. Soc. Am. 51 (1961) 123. sigma_nm includes only the
+    spatial frequencies that scatter into the hemisphere. index_beyond None: reflected light.
+
+    Raises SceneError for a value out of range, and where all light is reflected while index_beyond is given.
     """
-    sigma, wavelength, cosine = (np.asarray(v, float) for v in (sigma_nm, wavelength_nm, cosine))
+    sigma, wavelength, cosine, index = (np.asarray(v, float) for v in (sigma_nm, wavelength_nm, cosine, index))
     check_all("tis_of_roughness", "sigma_nm", sigma, (sigma >= 0) & (sigma < np.inf), "a finite number at least 0")
     check_all("tis_of_roughness", "wavelength_nm", wavelength, wavelength > 0, "above 0")
     check_all("tis_of_roughness", "cosine", cosine, (cosine >= 0) & (cosine <= 1), "0 to 1")
-    square: FloatArray = (4 * np.pi * sigma * cosine / wavelength) ** 2
+    check_all("tis_of_roughness", "index", index, (index >= 1) & (index < np.inf), "a finite number at least 1")
+    step = 2 * index * cosine
+    if index_beyond is not None:
+        beyond = np.asarray(index_beyond, float)
+        check_all("tis_of_roughness", "index_beyond", beyond, (beyond >= 1) & (beyond < np.inf),
+                  "a finite number at least 1")  # fmt: skip
+        left = np.asarray(beyond**2 - index**2 * (1 - cosine**2))
+        check_all("tis_of_roughness", "cosine", np.broadcast_to(cosine, left.shape), left >= 0,
+                  "above that of total reflection")  # fmt: skip
+        step = np.sqrt(left) - index * cosine
+    square: FloatArray = (2 * np.pi * sigma * step / wavelength) ** 2
     return -np.expm1(-square) if exact else square

@@ -16,21 +16,23 @@ from irtscots_cl.execution.launch_plan import RayBlock, plan_launches
 from irtscots_cl.execution.task import TraceProgram
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.program import Source, check_precision, compose
-from irtscots_cl.opencl.structs import PATH, PRECISIONS
+from irtscots_cl.opencl.structs import MAX_EVENTS, PATH_WORDS, PRECISIONS, SHORT_EVENTS, cone_dtype, path_dtype
 from irtscots_cl.optics.chief_rays import check_visible
-from irtscots_cl.optics.elements.components import Component, components_of
+from irtscots_cl.optics.elements.components import Component
+from irtscots_cl.optics.elements.emission import Emission
 from irtscots_cl.optics.elements.media import check_media
+from irtscots_cl.optics.elements.polarisation import LEAST_CHANGE
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.presets import parse_scene
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system.memory import check_memory
 from irtscots_cl.tracing.estimators.path_sums import ENDS, TRACKED_PATHS, PathSums, TrackedPaths, ledger_of
-from irtscots_cl.tracing.options import TraceOptions
-from irtscots_cl.tracing.packing.components import pack_elements, pack_scatter, path_job
+from irtscots_cl.tracing.options import EXTRA_EVENTS, TraceOptions
+from irtscots_cl.tracing.packing.components import is_rough, pack_elements, pack_scatter, path_job, unit_area
 from irtscots_cl.tracing.packing.launch import launch_structure
 from irtscots_cl.tracing.packing.scene import pack
-from irtscots_cl.tracing.packing.sources import emitters
-from irtscots_cl.tracing.results.paths import KINDS, PathLight
+from irtscots_cl.tracing.packing.sources import check_screen_memory, cone_emitters, cone_starts
+from irtscots_cl.tracing.results.paths import KINDS, NOT_TRACED, LostFlux, PathLight
 
 PILOT_RAYS = 2**22  # that look for paths
 PILOT = 2**20  # their replicate, which no run has
@@ -52,12 +54,10 @@ def trace_by_path(
     task, scene = PathTask(setup, options), setup.scene
     size = 2 * 8 * len(rays) * int(np.prod(task.sums_shapes[1]))  # as integers and in watts
     check_memory(f"scene {scene.name}: images of {len(rays)} replicates", size)
-    tracked = TrackedPaths(*map(tuple, executor.call(find_paths, task)))
+    codes, weights, given_up = executor.call(find_paths, task)
+    tracked = TrackedPaths(tuple(codes), tuple(weights))
     if not tracked.codes:
-        raise SceneError(
-            f"scene {scene.name}: detector: no path from the screen reaches it; must be reached by one of "
-            f"{pilot_rays(task) * task.sources} rays that look for paths"
-        )
+        raise _no_path(task, given_up)
     task = replace(task, tracked=tracked)
     found = time.perf_counter() - started
 
@@ -97,9 +97,27 @@ class PathTask:
     def __reduce__(self):
         return type(self).from_json, (self.to_json(),)
 
-    @cached_property
+    @property
     def components(self) -> tuple[Component, ...]:
-        return components_of(self.setup.scene)
+        return self.setup.components
+
+    @cached_property
+    def bounce_limit(self) -> int:
+        """Events after which a ray is given up."""
+        if self.options.bounce_limit is not None:
+            return self.options.bounce_limit
+        return min(max(self.setup.longest_direct_path + EXTRA_EVENTS, SHORT_EVENTS), MAX_EVENTS)
+
+    @property
+    def polarised(self) -> bool:
+        """Whether rays carry their polarisation."""
+        asked = self.options.polarisation
+        return asked == "on" or (asked == "auto" and self.setup.polarisation_change > LEAST_CHANGE)
+
+    @property
+    def code_length(self) -> str:
+        """Of the paths' codes: a name of structs.PATH_WORDS."""
+        return "short" if self.bounce_limit <= SHORT_EVENTS else "long"
 
     @property
     def sources(self) -> int:
@@ -116,12 +134,17 @@ class PathTask:
     @property
     def source_structs(self) -> np.ndarray:
         """The kernel's emitters [sources]."""
-        return self._emitters[0]
+        return self._source_structs
 
     @cached_property
-    def _emitters(self) -> tuple[np.ndarray, np.ndarray]:
-        options = self.options
-        return emitters(self.setup, options.precision, options.overfill, options.aim)
+    def _source_structs(self) -> np.ndarray:
+        return cone_emitters(self.setup, self.options.precision, self.emission)
+
+    @cached_property
+    def emission(self) -> Emission:
+        """The directions in which rays leave the screen."""
+        check_screen_memory(self.setup.scene)
+        return self.setup.emission(self.options.overfill)
 
     @property
     def _gain(self) -> float:
@@ -129,13 +152,26 @@ class PathTask:
 
     @property
     def launched_w(self) -> float:
-        """Flux of all rays [W]."""
-        return self._gain * float(self._emitters[1].sum())
+        """Flux that leaves the screen [W]: pi x its radiance x its area."""
+        return float(np.pi) * self._gain * self.sources
+
+    @property
+    def traced_w(self) -> float:
+        """Flux of all rays [W]: of launched_w, what goes into the cones."""
+        cones = self.emission.cones
+        return self._gain * float(cones[0].area.sum()) if len(cones) == 1 else self.launched_w
 
     @property
     def light(self) -> PathSums:
         """What the task's sums say."""
-        return PathSums(self.components, self.tracked, self.sources, self._gain * float(self._emitters[1].max()))
+        return PathSums(self.components, self.tracked, self.sources, self._gain * self._unit_area)
+
+    @property
+    def _unit_area(self) -> float:
+        """Of direction cosines: what a ray of weight 1 stands for."""
+        if len(self.emission.cones) == 1:
+            return float(self.emission.cones[0].area.max())
+        return float(np.pi * unit_area(self.source_structs))
 
     def program(self, device: Device, pilot: bool = False) -> TraceProgram:
         """The task's program on a device. pilot: it lists the detected rays in its scratch memory instead."""
@@ -143,19 +179,40 @@ class PathTask:
         check_precision(device, options.precision)
         real, packed = PRECISIONS[options.precision], pack(self.setup.chief_rays, options.precision)
         elements = pack_elements(scene, components, real, options.least_chance)
-        job = path_job(scene, components, real, options.bounce_limit, self.source_structs)
+        job = path_job(scene, components, real, self.bounce_limit, self.source_structs, cone_starts(self.emission))
         scatter, structs = pack_scatter(scene, components, real, options.aimed_scatter)
-        structs |= {"Element": elements.dtype, "Path": PATH, "PathJob": job.dtype}
-        source = _compose(packed, components, structs, options, device)
-        inputs, table = (packed.scene, self.source_structs, elements, scatter), self.tracked.table()
+        structs |= {"Element": elements.dtype, "Path": path_dtype(self.code_length), "PathJob": job.dtype,
+                    "Emitter": self.source_structs.dtype}  # fmt: skip
+        structs = {"Cone": cone_dtype(real)} | packed.structs | structs
+        source = _compose(packed, components, structs, options, device, self._files)
+        inputs = (packed.scene, self.source_structs, elements, scatter)
+        table = self.tracked.table(self.code_length)
         fingerprint = {"code": source.digest, "inputs": hash_of(*inputs, job), "paths": hash_of(table)}
         job["path_count"], job["found_size"] = len(table), FOUND_SIZE if pilot else 0
-        found_bytes = 4 * (1 + 3 * (FOUND_SIZE if pilot else 1))
+        found_bytes = 4 * (1 + (PATH_WORDS[self.code_length] + 1) * (FOUND_SIZE if pilot else 1))
         inputs = (*inputs, table)
         return TraceProgram(source, "trace_paths", inputs, self._launch, fingerprint, found_bytes, after=(job,))
 
+    @property
+    def _files(self) -> dict[str, str]:
+        """Choices of files by the scene's cones, the length of its paths, and whether its rays are polarised."""
+        light = "polarised" if self.polarised else "unpolarised"
+        return {
+            "light": light,
+            "carry": light,
+            "fresnel": light,
+            "path_code": self.code_length,
+            "cones": "single" if len(self.emission.cones) == 1 else "several",
+        }
+
     def _launch(self, replicate: int, block: RayBlock, per_item: int) -> np.ndarray:
         return launch_structure(self.setup.scene, self.options, replicate, block, per_item)
+
+    def _losses(self, sums: np.ndarray, rays: np.ndarray) -> tuple[LostFlux, ...]:
+        """Light that does not reach the detector; first of all what is not traced."""
+        left_w = self.launched_w - self.traced_w
+        not_traced = (LostFlux(NOT_TRACED, left_w, 0.0),) if len(self.emission.cones) == 1 else ()
+        return (*not_traced, *self.light.losses(sums, rays))
 
     def to_json(self) -> str:
         return json.dumps({"scene": self.setup.scene.to_toml(), "options": asdict(self.options),
@@ -174,8 +231,10 @@ class PathTask:
         scene, light = self.setup.scene, self.light
         ends = light.ends(sums, int(rays.sum()) * self.sources)
         images_w = images * (light.unit_w / self.tracked.of_kind)[None, :, None, None] / rays[:, None, None, None]
-        return PathLight(scene, self.options, device, light.fluxes(sums, rays), light.losses(sums, rays),
-                         self.launched_w, images_w, rays, ends, ledger_of(ends), seconds)  # fmt: skip
+        return PathLight(
+            scene, self.options, device, light.fluxes(sums, rays), self._losses(sums, rays), self.launched_w, images_w,
+            rays, ends, ledger_of(ends), seconds, self.bounce_limit,
+        )  # fmt: skip
 
 
 def pilot_rays(task: PathTask) -> int:
@@ -183,40 +242,68 @@ def pilot_rays(task: PathTask) -> int:
     return max(PILOT_RAYS // task.sources, 16)
 
 
-def find_paths(device: Device, task: PathTask) -> tuple[list[int], list[float]]:
-    """Codes and largest weights of the paths that reach the detector in a pilot run, the most powerful first."""
+def _no_path(task: PathTask, given_up: list[float]) -> SceneError:
+    """The error that no path was found. given_up: as of find_paths."""
+    scene, (count, flux_w) = task.setup.scene, given_up
+    cut = ""
+    if count:
+        limit = f"{int(count)} of them were given up after {task.bounce_limit} events, with {flux_w:.3g} W"
+        cut = f"; {limit} (--bounce-limit goes up to {MAX_EVENTS})"
+    return SceneError(
+        f"scene {scene.name}: detector: no path from the screen reaches it; must be reached by one of "
+        f"{pilot_rays(task) * task.sources} rays that look for paths{cut}"
+    )
+
+
+def find_paths(device: Device, task: PathTask) -> tuple[list[int], list[float], list[float]]:
+    """Codes and largest weights of the paths that reach the detector in a pilot run, the most powerful first.
+
+    And the number of rays that it gave up at the bounce limit, with their flux [W].
+    """
     tracer = DeviceTracer(task, device, task.program(device, pilot=True))
-    for block in plan_launches(
-        task.sources, pilot_rays(task), lambda: task.first_launch_rays, task.max_rays_per_item
-    ):
+    for block in plan_launches(task.sources, pilot_rays(task), lambda: task.first_launch_rays, task.max_rays_per_item):
         tracer.launch(PILOT, block)
-    found = tracer.read_scratch(np.zeros(1 + 3 * FOUND_SIZE, np.uint32))
-    low, high, bits = found[1:].reshape(-1, 3)[: min(int(found[0]), FOUND_SIZE)].T
-    weights = bits.copy().view(np.float32).astype(float)
-    order = np.lexsort((bits, low, high))  # rays are found in any order; sums in floating point depend on it
-    low, high, weights = low[order], high[order], weights[order]
-    codes, index = np.unique(high.astype(np.uint64) << np.uint64(32) | low.astype(np.uint64), return_inverse=True)
+    words = PATH_WORDS[task.code_length]
+    found = tracer.read_scratch(np.zeros(1 + (words + 1) * FOUND_SIZE, np.uint32))
+    rows = found[1:].reshape(-1, words + 1)[: min(int(found[0]), FOUND_SIZE)]
+    # by code, then by weight: rays are found in any order, and sums in floating point depend on it
+    rows = rows[np.lexsort((rows[:, words], *rows[:, :words].T))]
+    weights = rows[:, words].copy().view(np.float32).astype(float)
+    starts = np.any(rows[1:, :words] != rows[:-1, :words], axis=1)
+    index = np.concatenate([np.zeros(min(len(rows), 1), int), np.cumsum(starts)])
+    first = rows[np.flatnonzero(np.concatenate([np.ones(min(len(rows), 1), bool), starts])), :words]
+    codes = [sum(int(word) << 32 * k for k, word in enumerate(row)) for row in first]
     largest, power = np.zeros(len(codes)), np.bincount(index, weights, len(codes))
     np.maximum.at(largest, index, weights)
     best = [k for k in np.argsort(-power, kind="stable")[: TRACKED_PATHS - 1] if largest[k] > 0]
-    return [int(codes[k]) for k in best], [float(largest[k]) for k in best]
+    sums = tracer.sums()[0][None].astype(np.int64)
+    lost = task.light.losses(sums, np.array([pilot_rays(task)]))[-1]
+    given_up = [float(sums[0, ENDS.index("bounce limit")]), lost.flux_w]
+    return [codes[k] for k in best], [float(largest[k]) for k in best], given_up
 
 
 def _compose(
-    packed, components: tuple[Component, ...], structs, options: TraceOptions, device: Device
+    packed, components: tuple[Component, ...], structs, options: TraceOptions, device: Device, chosen: dict[str, str]
 ) -> Source:
-    """The kernel's source, with the shapes and kinds of elements and the scatter models that there are, no others."""
+    """The kernel's source, with the given choices of files.
+
+    It has the shapes and kinds of elements and the scatter models that there are, no others.
+    """
     kinds, models = (
         {component.kind for component in components},
         {_model(component) for component in components} - {"none"},
     )
     refracts = any(component.refracts for component in components)
-    choices = packed.choices | {
-        "sampler": options.sampler,
-        "path_rng": "philox" if refracts or models else "none",
-        "ray_stack": "list" if models or (refracts and options.branches == "split") else "none",
-        "branch": options.branches,
-    }
+    choices = (
+        packed.choices
+        | chosen
+        | {
+            "sampler": options.sampler,
+            "path_rng": "philox" if refracts or models else "none",
+            "ray_stack": "list" if models or (refracts and options.branches == "split") else "none",
+            "branch": options.branches,
+        }
+    )
     # made of the program's own words: no text of a scene comes into a source
     calls = " ".join(
         f"DO({component.shape}, {component.kind}, {_model(component)}, {k})" for k, component in enumerate(components)
@@ -226,9 +313,12 @@ def _compose(
     first = (*deviated, *(f"interact_{kind}.cl" for kind in sorted(kinds)), *tallies,
              *(f"scatter_{model}.cl" for model in sorted(models)))  # fmt: skip
     width = device.vector_width(options.precision)
-    return compose("trace_paths.cl", choices, packed.structs | structs, options.precision, width, packed.constants,
+    return compose("trace_paths.cl", choices, structs, options.precision, width, packed.constants,
                    {"ELEMENTS(DO)": calls}, first)  # fmt: skip
 
 
 def _model(component: Component) -> str:
+    """Name of a kernels/scatter/scatter_*.cl file, or none."""
+    if is_rough(component.scatter):
+        return "rough"
     return "none" if component.scatter is None else type(component.scatter).__name__.lower()

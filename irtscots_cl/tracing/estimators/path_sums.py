@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irtscots_cl.opencl.structs import PATH
+from irtscots_cl.opencl.structs import PATH_WORDS, path_dtype
 from irtscots_cl.optics.elements.components import Component
 from irtscots_cl.optics.elements.path_focus import NO_FOCUS, path_focus
 from irtscots_cl.tracing.results.paths import KINDS, LostFlux, PathFlux, events_of, kind_of, name_of
@@ -36,12 +36,15 @@ class TrackedPaths:
                    for kind in range(len(KINDS))]  # fmt: skip
         return np.array([_scale(weight) for weight in largest])
 
-    def table(self) -> np.ndarray:
-        """The kernels' Path structures: these paths', then one for all others, which count as ghosts."""
-        table, of_kind = np.zeros(len(self.codes) + 1, PATH), self.of_kind
+    def table(self, code_length: str = "short") -> np.ndarray:
+        """The kernels' Path structures: these paths', then one for all others, which count as ghosts.
+
+        code_length: a name of structs.PATH_WORDS.
+        """
+        table, of_kind = np.zeros(len(self.codes) + 1, path_dtype(code_length)), self.of_kind
         for entry, code, weight in zip(table, self.codes, self.weights, strict=False):
             kind = kind_of(code)
-            entry["low"], entry["high"] = code & 0xFFFFFFFF, code >> 32
+            entry["word"] = [code >> 32 * word & 0xFFFFFFFF for word in range(PATH_WORDS[code_length])]
             entry["scale"], entry["class_scale"], entry["kind"] = _scale(weight), of_kind[kind], kind
         table["scale"][-1], table["kind"][-1], table["class_scale"][-1] = 2.0**SCALE_BITS, 1, of_kind[1]
         return table

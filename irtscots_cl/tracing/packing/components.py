@@ -7,12 +7,13 @@ import numpy as np
 from irtscots_cl.maths.frame import Frame
 from irtscots_cl.opencl.structs import TIS_NODES, element_dtype, path_job_dtype, scatter_structs
 from irtscots_cl.optics.elements.components import Component, groups_of, on_screen, targets_of
-from irtscots_cl.optics.elements.first_hits import may_meet
+from irtscots_cl.optics.elements.first_hits import ALL, may_meet
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
 
 SCATTER_CHANCE = 0.125  # of a ray to part from where light scatters
 LOBE_SHARE = 0.25  # of rays that scatter: drawn from a lobe, not towards a target
+MAX_WEIGHT = 2.0**10  # of a ray that starts: sums of weights of 2^33 such rays fit 64 bits
 MIN_WEIGHT = 1e-3  # of the weaker branch of a ray, where both are followed
 LOBE_WIDTHS = (1e-9, 3.0)  # wider ones look alike within the horizon
 MIN_POWER = 0.02  # of a lobe that directions are drawn from: nearer to 0, single precision fails
@@ -62,8 +63,16 @@ def pack_scatter(
     return out, structs
 
 
+def is_rough(model: object) -> bool:
+    """Whether a scatter model tells its total by the surface's roughness: it then depends on incidence and media."""
+    return isinstance(model, Harvey) and model.roughness_phase is not None
+
+
 def _pack_lobe(entry: np.ndarray, model: Lambertian | Harvey | ABg) -> None:
-    """A model's numbers and table, and the shape of the lobe that directions are drawn from: its own, or near it."""
+    """A model's numbers and table, and the shape of the lobe that directions are drawn from: its own, or near it.
+
+    The lobe of a given roughness has a total of 1 at normal incidence: kernels/scatter/scatter_rough.cl scales it.
+    """
     width, slope, centre = 1.0, 0.0, 0.0
     entry["numbers"] = float(model.bsdf(0.0)), 0.0, 0.0
     if isinstance(model, Harvey):
@@ -76,18 +85,43 @@ def _pack_lobe(entry: np.ndarray, model: Lambertian | Harvey | ABg) -> None:
     entry["power"] = power if abs(power) >= MIN_POWER else MIN_POWER
     entry["inverse_l2"], entry["centre"] = 1 / np.clip(width, *LOBE_WIDTHS) ** 2, centre
     cosine = np.linspace(0, 1, TIS_NODES) ** 2
-    entry["tis"] = model.tis_at(np.sqrt(1 - cosine**2))
+    entry["tis"] = model.above_horizon(np.sqrt(1 - cosine**2))
+    if is_rough(model):
+        total = float(model.lobe(1.0))
+        entry["numbers"][0] /= total
+        entry["tis"] /= total
+        entry["phase"] = model.roughness_phase
     entry["probability"] = SCATTER_CHANCE
 
 
+def unit_area(sources: np.ndarray) -> np.floating | float:
+    """aim_ll aim_mm of the emitters [n] whose rays have weight 1: the largest of those aimed at the mirror.
+
+    Larger where rays of other cones would else weigh more than MAX_WEIGHT.
+    """
+    largest = np.max(sources["aim_ll"] * sources["aim_mm"])
+    if "cones" not in sources.dtype.names:
+        return largest
+    return max(float(largest), 1 / (MAX_WEIGHT * float(sources["cones"]["density"][:, -1].min())))
+
+
 def path_job(
-    scene: Scene, components: tuple[Component, ...], real, bounce_limit: int, sources: np.ndarray
+    scene: Scene,
+    components: tuple[Component, ...],
+    real,
+    bounce_limit: int,
+    sources: np.ndarray,
+    cone_from: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The PathJob structure [()], but for what changes from launch to launch."""
-    job = np.zeros((), path_job_dtype(real))
+    """The PathJob structure [()], but for what changes from launch to launch. cone_from: of several cones."""
+    several = cone_from is not None and len(cone_from) > 0
+    job = np.zeros((), path_job_dtype(real, len(cone_from) + 1 if several else 1))
     job["element_count"], job["bounce_limit"] = len(components), bounce_limit
     job["screen_group"], job["screen_element"] = 1, on_screen(scene, components)
-    job["inverse_unit_area"] = 1 / np.max(sources["aim_ll"] * sources["aim_mm"])
+    job["inverse_unit_area"] = 1 / unit_area(sources)
+    if several:
+        job["cone_from"], job["may"] = cone_from, (ALL, ALL)
+        return job
     screen = Frame.looking(scene.screen.position_mm, scene.screen.look_at_mm)
     job["may"] = may_meet(components, screen, sources, scene.screen.pitch_mm)
     return job

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from irtscots_cl.opencl.structs import PRECISIONS, WEIGHT_ONE, emitter_dtype, line_receiver_dtype, receiver_dtype
-from irtscots_cl.optics.aim import pixel_centres
+from irtscots_cl.opencl.structs import (
+    PRECISIONS,
+    WEIGHT_ONE,
+    cones_emitter_dtype,
+    emitter_dtype,
+    line_receiver_dtype,
+    receiver_dtype,
+)
+from irtscots_cl.optics.aim import Aim, pixel_centres
 from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.optics.elements.emission import Emission
 from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.model import Scene
 from irtscots_cl.system.memory import check_memory
 
 MIN_COSINE4 = 2.0**-6  # weights stay at or below WEIGHT_ONE times its inverse, 2^30
@@ -56,6 +65,7 @@ def cosine4(chief: ChiefRays, visible_pixels: np.ndarray) -> np.ndarray:
 
 
 BYTES_PER_PIXEL = {"mirror": 140, "camera": 840}  # of the screen, while its aim is found; measured
+BYTES_PER_CONE = 400  # more for each further cone
 
 
 def emitters(setup: Setup, precision: str, overfill: float, aim: str) -> tuple[np.ndarray, np.ndarray]:
@@ -64,12 +74,50 @@ def emitters(setup: Setup, precision: str, overfill: float, aim: str) -> tuple[n
     overfill: the ellipse's area over the least of the aim, which is one of options.AIMS. Raises ValueError if the
     screen has more pixels than the memory can hold aims of.
     """
-    scene = setup.scene
-    columns, rows = scene.screen.pixels
-    check_memory(f"scene {scene.name}: screen.pixels = {[columns, rows]}", columns * rows * BYTES_PER_PIXEL[aim])
+    check_screen_memory(setup.scene, BYTES_PER_PIXEL[aim])
     chosen = (setup.camera_aim if aim == "camera" else setup.mirror_aim).overfilled(overfill)
-    out = np.zeros(len(chosen.centre), emitter_dtype(PRECISIONS[precision]))
+    return _emitters(setup, chosen, emitter_dtype(PRECISIONS[precision])), chosen.area
+
+
+def cone_emitters(setup: Setup, precision: str, emission: Emission) -> np.ndarray:
+    """Sources [rows * columns of the screen] whose rays go into the cones of an emission: Emitters for one cone.
+
+    Raises ValueError as emitters does.
+    """
+    real, count = PRECISIONS[precision], len(emission.cones)
+    if count == 1:
+        return _emitters(setup, emission.cones[0], emitter_dtype(real))
+    check_screen_memory(setup.scene, BYTES_PER_PIXEL["mirror"] + BYTES_PER_CONE * count)
+    out = _emitters(setup, emission.cones[0], cones_emitter_dtype(real, count))
+    for k, (cone, share) in enumerate(zip(emission.cones, cone_shares(emission), strict=True)):
+        _fill_aim(out["cones"][:, k], cone)
+        out["cones"]["density"][:, k] = share * np.pi / cone.area
+    return out
+
+
+def cone_shares(emission: Emission) -> np.ndarray:
+    """Shares [cones] of the rays: the emission's, in steps of 2^-32."""
+    return np.diff([0, *cone_starts(emission), 2**32]) / 2.0**32
+
+
+def cone_starts(emission: Emission) -> np.ndarray:
+    """The least 32-bit number [cones - 1] of the rays of each cone but the first."""
+    return np.rint(np.cumsum(emission.shares)[:-1] * 2.0**32).astype(np.int64)
+
+
+def check_screen_memory(scene: Scene, bytes_per_pixel: int = BYTES_PER_PIXEL["mirror"]) -> None:
+    """Raise ValueError if the memory cannot hold the aims of so many screen pixels."""
+    columns, rows = scene.screen.pixels
+    check_memory(f"scene {scene.name}: screen.pixels = {[columns, rows]}", columns * rows * bytes_per_pixel)
+
+
+def _emitters(setup: Setup, aim: Aim, dtype: np.dtype) -> np.ndarray:
+    out = np.zeros(len(aim.centre), dtype)
     out["x"], out["y"] = pixel_centres(setup.chief_rays)
-    out["centre_l"], out["centre_m"] = chosen.centre.T
-    out["aim_ll"], out["aim_ml"], out["aim_mm"] = chosen.root[:, 0, 0], chosen.root[:, 1, 0], chosen.root[:, 1, 1]
-    return out, chosen.area
+    _fill_aim(out, aim)
+    return out
+
+
+def _fill_aim(out: np.ndarray, aim: Aim) -> None:
+    out["centre_l"], out["centre_m"] = aim.centre.T
+    out["aim_ll"], out["aim_ml"], out["aim_mm"] = aim.root[:, 0, 0], aim.root[:, 1, 0], aim.root[:, 1, 1]

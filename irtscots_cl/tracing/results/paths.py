@@ -6,13 +6,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from irtscots_cl.opencl.structs import EVENT_BITS, SHORT_EVENTS
 from irtscots_cl.optics.screen_windows import Windows
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.results.transport import TraceResult
 
 KINDS = ("direct", "ghost", "scatter")  # of paths, by the strangest event: kernels/elements/ray.cl
-PATH_BITS = 6  # of an event in a path's code: as there
+PATH_BITS = EVENT_BITS
 MARKS = ("", " (r)", " (s)")  # of events in names: reflected at a refractor, scattered
 
 
@@ -33,6 +34,9 @@ class PathFlux:
     blur_mm: float = float("nan")
 
 
+NOT_TRACED = "beside the mirror, not traced"  # a LostFlux's name
+
+
 @dataclass(frozen=True)
 class LostFlux:
     """Light that ends elsewhere than on the detector. standard_error_w: as of PathFlux."""
@@ -46,11 +50,12 @@ class LostFlux:
 class PathLight(TraceResult):
     """Result of a non-sequential trace.
 
-    paths: by flux, the largest first; the last, "other", holds those that the pilot run had not found. staying: light
-    that does not reach the detector, absorbed at elements, escaped or given up; in steps of 2^-20 of a ray. launched_w:
-    flux that leaves the screen in all; paths and staying add up to it in the mean. images_w: [replicates, KINDS, screen
-    columns + rows, detector pixels] under single lines [W]. ends: rays by where they ended. ledger: the same in the
-    words of all estimators. The rest as in transport.Transport.
+    paths: by flux, the largest first; the last, "other", holds those that the pilot run had not found. losses: light
+    that does not reach the detector, absorbed at elements, escaped or given up, in steps of 2^-20 of a ray; and first,
+    if rays go into the mirror's cone alone, what leaves beside it. launched_w: flux that leaves the screen in all, pi
+    times its radiance and area; paths and losses add up to it in the mean. images_w: [replicates, KINDS, screen columns
+    + rows, detector pixels] under single lines [W]. ends: rays by where they ended. ledger: the same in the words of
+    all estimators. bounce_limit: events after which rays were given up. The rest as in transport.Transport.
     """
 
     scene: Scene
@@ -64,6 +69,7 @@ class PathLight(TraceResult):
     ends: dict[str, int]
     ledger: dict[str, int]
     seconds: dict[str, float]
+    bounce_limit: int = SHORT_EVENTS
 
     @property
     def windows(self) -> Windows:
@@ -101,11 +107,12 @@ def events_of(code: int) -> list[tuple[int, int]]:
 
 
 def kind_of(code: int) -> int:
-    """Index of KINDS of a path: its strangest event; a path that meets an element twice is a ghost at least."""
-    events = events_of(code)
-    strangest = max((event for _, event in events), default=0)
-    again = len({number for number, _ in events}) < len(events)
-    return max(strangest, int(again))
+    """Index of KINDS of a path: its strangest event.
+
+    A ghost is light that an interface reflected instead of passing it on. How often a path meets an element does not
+    matter: the light of a window before the mirror crosses it twice, and is direct.
+    """
+    return max((event for _, event in events_of(code)), default=0)
 
 
 def name_of(code: int, elements: tuple[str, ...]) -> str:

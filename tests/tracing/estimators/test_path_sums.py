@@ -23,7 +23,7 @@ from irtscots_cl.tracing.options import TraceOptions
 
 OPTIONS = TraceOptions("nonsequential", bounce_limit=8)
 RAYS = np.array([100, 300])
-DIRECT, GHOST = 0b000001_001010, 0b000001_000001_001010  # mirror, detector; the mirror twice
+DIRECT, GHOST = 0b000001_001010, 0b000001_001110_001010  # mirror, detector; a face that reflects
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def test_weights_become_whole_numbers_of_at_most_the_bits_there_are():
         scaled = float(entry["scale"]) * weight
         assert 2 ** (SCALE_BITS - 1) < scaled <= 2**SCALE_BITS
         assert np.log2(entry["scale"]) % 1 == 0
-    assert [(int(e["high"]) << 32) + int(e["low"]) for e in table] == [DIRECT, GHOST, 0]
+    assert [sum(int(word) << 32 * k for k, word in enumerate(e["word"])) for e in table] == [DIRECT, GHOST, 0]
     assert table["kind"].tolist() == [0, 1, 1]  # all others count as ghosts
     np.testing.assert_array_equal(table["class_scale"], [table["scale"][0], table["scale"][1], table["scale"][1]])
 
@@ -121,5 +121,6 @@ def test_the_flux_of_all_rays_is_the_screens(work):
     aim = work.source_structs
     areas = np.array(aim["aim_ll"]) * np.array(aim["aim_mm"])
     assert len(areas) == work.sources == 49
-    assert work.launched_w > 0
-    assert work.light.unit_w * areas.sum() / areas.max() == pytest.approx(work.launched_w, rel=1e-6)  # float32
+    assert work.launched_w == pytest.approx(np.pi * 49 * 0.6**2, rel=1e-12)  # radiance 1
+    assert work.light.unit_w * areas.sum() / areas.max() == pytest.approx(work.traced_w, rel=1e-6)  # float32
+    assert 0 < work.traced_w < 0.1 * work.launched_w
