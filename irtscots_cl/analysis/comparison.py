@@ -2,38 +2,48 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.maths.statistics import Estimate, jackknife_error
 from irtscots_cl.maths.zernike.indices import index_to_nm, nm_to_noll
-from irtscots_cl.maths.zernike.polynomials import zernike
+from irtscots_cl.measurement.coefficients import FITTED_NOLL, Coefficients, coefficients
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.model import Scene
 
 HEIGHT_TERMS = ("piston", "piston_tilt", "piston_tilt_power")  # terms removed before a height error is computed
-FITTED_NOLL = 45  # radial orders up to 8
 
 
 @dataclass(frozen=True)
 class ZernikeRow:
-    """A Noll-normalised coefficient of the deviation [um]: the scene's value and the measured one."""
+    """A Noll-normalised coefficient of the deviation [um]: the scene's value and the measured one.
+
+    output_um: NaN for a term of the scene that the pixels cannot separate. expected_um: what the same fit over the same
+    pixels gives for the true deviation, its mean removed as in a measured one. It differs from input_um in piston, and
+    where terms were left out of the fit. Annular terms have no input of their own: it is expected_um. inflation: of the
+    standard error over that on a whole disk (maths.zernike.fit).
+    """
 
     noll: int
     input_um: float
     output_um: float
     standard_error_um: float
+    expected_um: float
+    inflation: float
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Errors of a reconstruction, rms over its mask.
+    """Errors of a reconstruction: slopes rms over its mask, heights over its largest group of joined islands.
 
     slope_error_urad: "x", "y". height_error_nm: by the terms removed, HEIGHT_TERMS. error_mm: [rows, columns] deviation
-    minus true deviation, without piston and tilt. height_standard_error_nm: statistical error, rms over the mask.
+    minus true deviation, without piston and tilt; each group of islands has a piston of its own.
+    height_standard_error_nm: statistical error, rms. zernike_fit: how the coefficients were fitted.
     """
 
     pixels_used: int
@@ -41,6 +51,7 @@ class Comparison:
     height_error_nm: dict[str, Estimate]
     height_standard_error_nm: float
     zernike: tuple[ZernikeRow, ...]
+    zernike_fit: Coefficients
     error_mm: np.ndarray
 
     def __str__(self) -> str:
@@ -50,6 +61,8 @@ class Comparison:
             f"height error [nm rms]     {value}   without {terms.replace('_', ', ')}"
             for terms, value in self.height_error_nm.items()
         ]
+        if self.zernike_fit.fit.dropped:
+            lines.append(f"Zernike terms not separable by the pixels: Noll {self.zernike_fit.fit.dropped[0]} and on")
         lines += ["Noll   input [um]  output [um]"]
         lines += [
             f"{row.noll:4d}   {row.input_um:10.4f}  {Estimate(row.output_um, row.standard_error_um)}"
@@ -59,27 +72,33 @@ class Comparison:
         return "\n".join(lines)
 
 
-def compare(result: Reconstruction, scene: Scene) -> Comparison:
-    """Errors of a reconstruction against the scene's true mirror, with standard errors by the jackknife."""
-    surface, mask = Surface.of(scene.mirror), result.mask
+def compare(result: Reconstruction, scene: Scene, zernike: str = "circular") -> Comparison:
+    """Errors of a reconstruction against the scene's true mirror, with standard errors by the jackknife.
+
+    zernike: kind of the terms that are fitted, of measurement.coefficients.KINDS; ValueError for another.
+    """
+    surface, mask, joined = Surface.of(scene.mirror), result.mask, result.height_mask
     x, y = result.x_mm, result.y_mm
     truth = dict(zip(("x", "y"), surface.gradient(x, y), strict=True))
     slopes = {
         axis: _estimate([rms(s - truth[axis], mask) * 1e6 for s in result.estimates(f"slope_{axis}")])
         for axis in ("x", "y")
     }
-    errors = result.estimates("deviation_mm") - surface.deviation_at(x, y)[0]
+    true_mm = surface.deviation_at(x, y)[0]
+    errors = result.estimates("deviation_mm") - true_mm
     heights = {
-        terms: _estimate([rms(remove_terms(x, y, e, mask, terms), mask) * 1e6 for e in errors])
+        terms: _estimate([rms(remove_terms(x, y, e, joined, terms), joined) * 1e6 for e in errors])
         for terms in HEIGHT_TERMS
     }
+    rows, fit = _zernike_rows(result, scene, zernike, true_mm)
     return Comparison(
         result.pixels_used,
         slopes,
         heights,
-        rms(result.height_standard_error_mm() * 1e6, mask) if len(errors) > 2 else float("nan"),
-        _zernike_rows(result, scene),
-        remove_terms(x, y, errors[0], mask, "piston_tilt"),
+        rms(result.height_standard_error_mm() * 1e6, joined) if len(errors) > 2 else float("nan"),
+        rows,
+        fit,
+        result.levelled(errors[0]),
     )
 
 
@@ -87,26 +106,27 @@ def _estimate(values: list[float]) -> Estimate:
     return Estimate(values[0], float(jackknife_error(np.array(values))))
 
 
-def _zernike_rows(result: Reconstruction, scene: Scene) -> tuple[ZernikeRow, ...]:
-    """Noll terms 1 to FITTED_NOLL and all of the scene's, fitted together by least squares over the mask.
-
-    Returns no rows if there are too few pixels to separate the terms.
-    """
+def _zernike_rows(
+    result: Reconstruction, scene: Scene, kind: str, truth_mm: FloatArray
+) -> tuple[tuple[ZernikeRow, ...], Coefficients]:
+    """Noll terms 1 to FITTED_NOLL and all of the scene's, fitted together by least squares over the mask."""
     given: dict[int, float] = {}
     for terms in scene.mirror.zernike:
         for index, value in terms.coefficients_um.items():
             noll = nm_to_noll(*index_to_nm(index, terms.ordering))
             given[noll] = given.get(noll, 0.0) + value
     indices = sorted(set(range(1, FITTED_NOLL + 1)) | set(given))
-    radius = scene.mirror.zernike[0].radius_mm if scene.mirror.zernike else scene.mirror.diameter_mm / 2
-    x, y = result.x_mm[result.mask] / radius, result.y_mm[result.mask] / radius
-    basis = np.stack([zernike(noll, x, y) for noll in indices], axis=1)
-    maps_um = result.estimates("deviation_mm")[:, result.mask] * 1e3
-    fits, _, rank, _ = np.linalg.lstsq(basis, maps_um.T)
-    if rank < len(indices):
-        return ()
-    fits = fits.T
-    errors = jackknife_error(fits)
-    return tuple(
-        ZernikeRow(noll, given.get(noll, 0.0), float(fits[0, i]), float(errors[i])) for i, noll in enumerate(indices)
-    )
+    found = coefficients(result, scene.mirror, kind, indices, noise_errors=False)
+    # the measured deviation has a mean of 0 over the heights' mask by convention
+    true_um = (truth_mm - truth_mm[result.height_mask].mean())[result.mask] * 1e3
+    expected = found.fit.coefficients(true_um).tolist()
+    columns = zip(found.fit.nolls, found.um.tolist(), found.standard_error_um.tolist(), expected,
+                  found.fit.inflation.tolist(), strict=True)  # fmt: skip
+    rows = [
+        ZernikeRow(noll, given.get(noll, 0.0) if kind == "circular" else own, um, error, own, inflation)
+        for noll, um, error, own, inflation in columns
+    ]
+    if kind == "circular":
+        lost = [noll for noll in found.fit.dropped if given.get(noll)]
+        rows += [ZernikeRow(noll, given[noll], math.nan, math.nan, math.nan, math.inf) for noll in lost]
+    return tuple(rows), found

@@ -151,11 +151,11 @@ def _averaged(result: Reconstruction, slopes: np.ndarray) -> np.ndarray:
 
 
 def _integrate(result: Reconstruction, slopes: np.ndarray) -> np.ndarray:
-    return integrate_slopes(result.x_mm, result.y_mm, *slopes, result.mask, result.method)
+    return integrate_slopes(result.x_mm, result.y_mm, *slopes, result.mask, result.method, result.join)
 
 
 def _part(result: Reconstruction, name: str, slopes: np.ndarray | None, height: np.ndarray) -> ErrorTerm:
-    height = remove_terms(result.x_mm, result.y_mm, height, result.mask, "piston_tilt")
+    height = remove_terms(result.x_mm, result.y_mm, height, result.height_mask, "piston_tilt")
     known = slopes if slopes is not None else np.full((2, *result.mask.shape), np.nan)
     slope = tuple(float(np.sqrt(np.mean(s[result.mask] ** 2)) * 1e6) for s in known)
-    return ErrorTerm(name, slope, rms(height, result.mask) * 1e6, height)
+    return ErrorTerm(name, slope, rms(height, result.height_mask) * 1e6, height)

@@ -42,7 +42,7 @@ def stray_light(light: PathLight, measure: str = "paper") -> tuple[StrayLight, .
     for kind in KINDS[1:]:
         if flux[kind] > 0:
             both = measure_by(measure, light.only("direct", kind).images(pattern), nominal)
-            mask = alone.mask & both.mask
+            mask = alone.height_mask & both.height_mask
             added = np.where(mask, both.estimates("deviation_mm") - alone.estimates("deviation_mm"), np.nan)
             added = [remove_terms(alone.x_mm, alone.y_mm, height, mask, "piston_tilt") for height in added]
             values = np.array([1e6 * rms(height, mask) for height in added])

@@ -167,14 +167,14 @@ def _slopes(result: Reconstruction) -> np.ndarray:
 
 
 def _height(result: Reconstruction) -> np.ndarray:
-    return remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, "piston_tilt")[None] * 1e6
+    return remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.height_mask, "piston_tilt")[None] * 1e6
 
 
 def _noise(results: tuple[Reconstruction, ...], quantity) -> float:
     """Rms scatter between the seeds, over the pixels that all results have; 0 without rays (a single result)."""
     if len(results) == 1:
         return 0.0
-    mask = np.all([r.mask for r in results], axis=0)
+    mask = np.all([r.height_mask for r in results], axis=0)
     variance = np.var([quantity(r) for r in results], axis=0, ddof=1)
     return float(np.sqrt(np.mean([rms(np.sqrt(v), mask) ** 2 for v in variance])))
 

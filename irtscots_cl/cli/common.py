@@ -128,6 +128,13 @@ def add_measure(parser: argparse.ArgumentParser, default: str = "paper") -> None
         "With both: likelihood (the modelled light curve moved to the samples by maximum likelihood, refined) or "
         f"windowed (signed centroids where the light can be, refined); default {default}",
     )
+    parser.add_argument(
+        "--zernike",
+        metavar="Z",
+        default="circular",
+        help="Zernike terms of the table: circular (on the disk; default) or annular (on the ring around the mirror's "
+        "central hole, where terms of the disk resemble each other)",
+    )
 
 
 def add_noise(parser: argparse.ArgumentParser) -> None:
@@ -138,6 +145,11 @@ def add_noise(parser: argparse.ArgumentParser) -> None:
         "scene's own: what a real camera and screen do to the images; default: as the scene says, without such tables "
         "no noise",
     )
+
+
+def print_warnings(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(f"irtscots: warning: {line}", file=sys.stderr)
 
 
 def warn_of(checks: Iterable[CheckFacts]) -> None:

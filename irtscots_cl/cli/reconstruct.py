@@ -57,24 +57,27 @@ def _execute(options: argparse.Namespace) -> int:
         raise ValueError(f"--threshold = {options.threshold}: must be at least 0 and below 1")
     scene = load_scene(options.scene)
     from irtscots_cl.imaging.image_files import read_images
+    from irtscots_cl.measurement.coefficients import check_kind
     from irtscots_cl.measurement.methods import check_measure
     from irtscots_cl.pipeline.measure import measure
-    from irtscots_cl.system.atomic_files import check_output_folder, made_folder
+    from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain
 
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder, ("result.h5", "report.json"), ("figures",))
     how = options.measure or LAB_MEASURE
     check_measure(how, options.threshold)
+    check_kind(options.zernike)
     if (folder / "result.h5").resolve() == options.images.resolve():
         raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
     images = read_images(options.images).saturating_at(options.saturation)
     with made_folder(folder):
         facts = measure(
-            images, scene.nominal(), folder, options.threshold, how, strict=options.strict, source=str(options.images)
-        )
+            images, scene.nominal(), folder, options.threshold, how, strict=options.strict,
+            source=str(options.images), zernike=options.zernike
+        )  # fmt: skip
     warn_of(facts["checks"])
     if options.json:
-        print_json(facts)
+        print_json(plain(facts))
     else:
         from irtscots_cl.report.tables import measured_tables
 

@@ -24,6 +24,7 @@ from irtscots_cl.cli.common import (
     command,
     print_json,
     print_tables,
+    print_warnings,
     site_arguments,
     visible_setup,
     warn_of,
@@ -116,6 +117,7 @@ def _execute(options: argparse.Namespace) -> int:
             run = _reach(setup, options, given)
         write_run(run, folder)
         keeper.remove()
+    print_warnings(run.report["warnings"])
     warn_of(run.report.get("checks", ()))
     if options.json:
         from irtscots_cl.system.atomic_files import plain
@@ -132,12 +134,14 @@ def _execute(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace, wanted: dict) -> None:
     """Raise ValueError for options that are out of range or do not fit together."""
     from irtscots_cl.execution.launch_plan import share_rays
+    from irtscots_cl.measurement.coefficients import check_kind
     from irtscots_cl.measurement.methods import check_measure
     from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
 
     names = ("estimator", "sampler", "precision", "aim", "overfill", "smoothing", *PATH_CHOICES)
     TraceOptions(**{name: wanted[name] for name in names if name in wanted}, seed=options.seed)
     check_measure(wanted["measure"])
+    check_kind(options.zernike)
     share_rays(wanted["rays_per_pixel"], wanted["replicates"])
     if options.max_seconds is not None and not 0 < options.max_seconds < math.inf:
         raise ValueError(f"--max-seconds = {options.max_seconds}: must be above 0 and finite")
@@ -196,7 +200,7 @@ def _simulate(setup, options: argparse.Namespace, given: dict, keeper):
         words = partial(outlook, measure=wanted["measure"], nominal=setup.nominal)
         with Progress(quiet=options.quiet, estimate=words) as progress:
             return simulate(setup, progress=progress, finished=progress.finished, seed=options.seed,
-                            parts=options.parts, keeper=keeper, **where, **wanted)  # fmt: skip
+                            parts=options.parts, zernike=options.zernike, keeper=keeper, **where, **wanted)  # fmt: skip
 
 
 def _reach(setup, options: argparse.Namespace, given: dict):
@@ -207,4 +211,4 @@ def _reach(setup, options: argparse.Namespace, given: dict):
     device = select_device(options.device)
     with Progress(quiet=options.quiet) as progress:
         return run_to_target(setup, options.target_nm, device=device, seed=options.seed, parts=options.parts,
-                     progress=progress, **given)  # fmt: skip
+                     zernike=options.zernike, progress=progress, **given)  # fmt: skip

@@ -10,12 +10,15 @@ from irtscots_cl.system import interruption
 TERMS = ("none", "piston", "piston_tilt", "piston_tilt_power")
 
 
-def remove_terms(x_mm: ArrayLike, y_mm: ArrayLike, z: ArrayLike, mask: ArrayLike, terms: str) -> NDArray[np.float64]:
+def remove_terms(
+    x_mm: ArrayLike, y_mm: ArrayLike, z: ArrayLike, mask: ArrayLike, terms: str, groups: ArrayLike | None = None
+) -> NDArray[np.float64]:
     """``z`` without its least-squares fit of the named low-order terms, in the unit of ``z``.
 
     "none" removes nothing, "piston" 1, "piston_tilt" 1, x, y and "piston_tilt_power" 1, x, y, x^2 + y^2. All
     arrays are [rows, columns]. The fit runs over the samples inside the mask whose z is finite; the others
-    are NaN in the result.
+    are NaN in the result. groups: int [rows, columns], parts of the mask with a piston of their own; tilt and power are
+    common to all.
 
     Raises ValueError for unknown terms, a shape that does not match, an empty or non-boolean mask, fewer
     samples than terms, or a position that is not finite where a sample is used.
@@ -34,7 +37,12 @@ def remove_terms(x_mm: ArrayLike, y_mm: ArrayLike, z: ArrayLike, mask: ArrayLike
         scale = max(np.abs(x).max(), np.abs(y).max()) or 1.0
         x, y = x / scale, y / scale
         basis = np.stack([np.ones_like(x), x, y, x * x + y * y], axis=1)[:, :count]
-        result[used] -= basis @ np.linalg.lstsq(basis, z[used])[0]
+        if groups is None:
+            result[used] -= basis @ np.linalg.lstsq(basis, z[used])[0]
+        else:
+            group = np.unique(np.asarray(groups)[used], return_inverse=True)[1]
+            basis, left = (v - _means(v, group) for v in (basis[:, 1:], z[used][:, None]))
+            result[used] = (left - basis @ np.linalg.lstsq(basis, left)[0])[:, 0]
     return result
 
 
@@ -48,6 +56,13 @@ def rms(z: ArrayLike, mask: ArrayLike) -> float:
     if not used.any():
         raise ValueError("no finite sample inside the mask")
     return float(np.sqrt(np.mean(z[used] ** 2)))
+
+
+def _means(values: NDArray[np.float64], group: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Mean [samples, columns] of the values [samples, columns] of a sample's group."""
+    sums = np.stack([np.bincount(group, column) for column in values.T], axis=-1) if values.size else values
+    means: NDArray[np.float64] = (sums / np.bincount(group)[:, None])[group] if values.size else values
+    return means
 
 
 def checked_mask(mask: ArrayLike) -> NDArray[np.bool_]:

@@ -27,8 +27,8 @@ AT_ONCE = 50
 @dataclass(frozen=True)
 class ErrorBars:
     """Standard errors from the noise of the images. slope_x, slope_y: [rows, columns] rad. height_mm: [rows, columns],
-    piston and tilt removed. draws_mm: [draws, rows, columns] height maps of such noise, for the errors of what is
-    computed from a height map."""
+    piston and tilt removed, with the stated errors of joined islands. draws_mm: [draws, rows, columns] height maps of
+    such noise, for the errors of what is computed from a height map."""
 
     slope_x: FloatArray = field(repr=False)
     slope_y: FloatArray = field(repr=False)
@@ -57,11 +57,16 @@ def error_bars(result: Reconstruction, seed: int = 0) -> ErrorBars | None:
             slopes = [deconvolve_pixel(slope, mask) for slope in slopes]
         x, y = slopes
         squares += [np.sum(slope**2, axis=0) for slope in slopes]
-        draws.append(integrate_slopes(result.x_mm, result.y_mm, x, y, mask, result.method))
+        draws.append(integrate_slopes(result.x_mm, result.y_mm, x, y, mask, result.method, result.join))
     heights = np.concatenate(draws)
-    bare = np.stack([remove_terms(result.x_mm, result.y_mm, h, mask, "piston_tilt") for h in heights])
+    joining = result.joining_errors_mm()
+    bare, steps = (
+        sum(remove_terms(result.x_mm, result.y_mm, h, result.height_mask, "piston_tilt") ** 2 for h in maps)
+        / max(len(maps), 1)
+        for maps in (heights, joining)
+    )
     slope_x, slope_y = np.where(mask, np.sqrt(squares / count), np.nan)
-    return ErrorBars(slope_x, slope_y, np.sqrt(np.mean(bare**2, axis=0)), heights)
+    return ErrorBars(slope_x, slope_y, np.sqrt(bare + steps), heights)
 
 
 def slope_derivatives(result: Reconstruction) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:

@@ -69,8 +69,8 @@ def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
     return PredictedError(
         (rms(noise[0], mask), rms(noise[1], mask)) if known else (np.nan, np.nan),
         (rms(bias[0], mask), rms(bias[1], mask)),
-        float(np.sqrt(np.mean([rms(h, mask) ** 2 for h in heights]))) if known else np.nan,
-        rms(_heights(result, *bias)[0], mask),
+        float(np.sqrt(np.mean([rms(h, result.height_mask) ** 2 for h in heights]))) if known else np.nan,
+        rms(_heights(result, *bias)[0], result.height_mask),
     )
 
 
@@ -87,9 +87,9 @@ def _line_sampling(result: Reconstruction, scan: Scan) -> FloatArray:
 
 def _heights(result: Reconstruction, slope_x: FloatArray, slope_y: FloatArray) -> list[FloatArray]:
     """Heights of slope maps [..., rows, columns], piston and tilt removed, as a list of maps."""
-    heights = integrate_slopes(result.x_mm, result.y_mm, slope_x, slope_y, result.mask, result.method)
+    heights = integrate_slopes(result.x_mm, result.y_mm, slope_x, slope_y, result.mask, result.method, result.join)
     return [
-        remove_terms(result.x_mm, result.y_mm, h, result.mask, "piston_tilt")
+        remove_terms(result.x_mm, result.y_mm, h, result.height_mask, "piston_tilt")
         for h in heights.reshape(-1, *result.mask.shape)
     ]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
-from irtscots_cl.maths.integration import integrate_slopes
+from irtscots_cl.maths.integration import Islands, Misfit, integrate, integration_misfit, white_noise
 from irtscots_cl.maths.low_order import remove_terms
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import centroids
@@ -37,10 +37,11 @@ class Reconstruction:
     x_mm, y_mm: mirror points. on_mirror: pixels that see enough of the mirror; mask: the used pixels among them.
     flags: light_curves.Flag, the worse of the two scans (pixels without a light curve: EMPTY). centroid_x_mm,
     centroid_y_mm: in the screen's frame. slope_x, slope_y [rad]: of the whole surface. height_mm: design plus
-    deviation; deviation_mm: from the design, zero mean over the mask. light_curve, method, pixel_average: arguments of
-    reconstruct. updates_nm: rms change of each round of refinement. jackknife_*: [replicates, rows, columns], the same
-    maps with one replicate left out in turn, for error bars. estimates_of_scans: of the x and the y scan, for
-    "windowed" and "likelihood": error bars of the centroids, gains of the frames, chi-square, ...
+    deviation; deviation_mm: from the design, zero mean over every group of joined islands. light_curve, method,
+    pixel_average: arguments of reconstruct. updates_nm: rms change of each round of refinement. jackknife_*:
+    [replicates, rows, columns], the same maps with one replicate left out in turn, for error bars. estimates_of_scans:
+    of the x and the y scan, for "windowed" and "likelihood": error bars of the centroids, gains of the frames,
+    chi-square, ... islands: of the mask, and how their heights are joined; None if it is known to have only one.
     """
 
     setup: Setup = field(repr=False)
@@ -63,6 +64,7 @@ class Reconstruction:
     jackknife_deviation_mm: FloatArray = field(repr=False)
     updates_nm: tuple[float, ...] = ()
     estimates_of_scans: tuple[ScanEstimate, ScanEstimate] | None = field(default=None, repr=False)
+    islands: Islands | None = field(default=None, repr=False)
 
     @property
     def nominal(self) -> Scene:
@@ -73,6 +75,40 @@ class Reconstruction:
     def pixels_used(self) -> int:
         return int(self.mask.sum())
 
+    @property
+    def height_mask(self) -> BoolArray:
+        """The pixels of the largest group of joined islands: heights are known against each other there."""
+        return self.mask if self.islands is None else self.islands.main
+
+    @property
+    def join(self) -> bool | Islands:
+        """The argument join of integrate_slopes that joins the islands of other slopes in the same way."""
+        return True if self.islands is None else self.islands
+
+    def levelled(self, height_mm: FloatArray) -> FloatArray:
+        """Heights [rows, columns] without tilt and without the piston of each group of joined islands."""
+        groups = None if self.islands is None or self.islands.groups == 1 else self.islands.group_map
+        return remove_terms(self.x_mm, self.y_mm, height_mm, self.mask, "piston_tilt", groups)
+
+    def joining_errors_mm(self) -> FloatArray:
+        """Maps [draws, rows, columns] of what the joining of islands may have wrong; none where nothing was joined."""
+        return np.zeros((0, *self.mask.shape)) if self.islands is None else self.islands.joining_errors()
+
+    def misfit(self, slope_noise: Pair | None = None) -> Misfit:
+        """The part of the slopes that no surface has (maths.integration.misfit), beside that of their noise.
+
+        slope_noise: standard errors of slope_x, slope_y [rows, columns] in rad; by default the replicates' scatter.
+        """
+        own = self.setup.chief_rays.surface.gradient(self.x_mm, self.y_mm)
+        extra_x, extra_y = self.slope_x - own[0], self.slope_y - own[1]
+        noise = np.stack(slope_noise or [jackknife_error(self.estimates(f"slope_{axis}")) for axis in "xy"])
+        noise_x, noise_y = noise if np.isfinite(noise[:, self.mask]).all() else (None, None)
+        return integration_misfit(self.x_mm, self.y_mm, extra_x, extra_y, self.mask, noise_x, noise_y)
+
+    def white_slope_noise(self) -> float:
+        """Standard error [rad] of the slopes if white noise alone makes their misfit; NaN for a mask without a loop."""
+        return white_noise(self.misfit(), self.x_mm, self.y_mm, self.mask)
+
     def refused(self) -> dict[str, int]:
         """Number of pixels on the mirror with an unusable light curve, by the flag's name."""
         return {flag.name.lower(): int(np.sum(self.on_mirror & (self.flags == flag))) for flag in Flag if flag}
@@ -82,10 +118,17 @@ class Reconstruction:
         return np.concatenate([getattr(self, name)[None], getattr(self, f"jackknife_{name}")])
 
     def height_standard_error_mm(self) -> FloatArray:
-        """Standard error [rows, columns] of the deviation without piston and tilt; NaN for a single replicate."""
-        heights = self.estimates("deviation_mm")
-        removed = [remove_terms(self.x_mm, self.y_mm, h, self.mask, "piston_tilt") for h in heights]
-        return jackknife_error(np.stack(removed))
+        """Standard error [rows, columns] of the deviation without piston and tilt; NaN for a single replicate.
+
+        It includes the stated errors of joined islands. NaN outside height_mask.
+        """
+        error = jackknife_error(self._without_tilt(self.estimates("deviation_mm")))
+        joining = self.joining_errors_mm()
+        return np.hypot(error, np.sqrt(np.mean(self._without_tilt(joining) ** 2, axis=0))) if len(joining) else error
+
+    def _without_tilt(self, heights: FloatArray) -> FloatArray:
+        """Heights [maps, rows, columns] without piston and tilt over height_mask."""
+        return np.stack([remove_terms(self.x_mm, self.y_mm, h, self.height_mask, "piston_tilt") for h in heights])
 
 
 def reconstruct(
@@ -132,7 +175,7 @@ def reconstruct(
     mask = on_mirror & (flags == Flag.GOOD)
     _check_enough(setup.scene.name, on_mirror, mask, flags)
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(setup))
-    slope_x, slope_y, deviation = _surface(
+    slope_x, slope_y, deviation, islands = _surface(
         chief, (x_mm, y_mm), (u_mm, v_mm), mask, (centroid_x, centroid_y), method, pixel_average
     )
     design = chief.surface.sag(x_mm, y_mm)
@@ -156,6 +199,7 @@ def reconstruct(
         jackknife_slope_y=slope_y[1:],
         jackknife_deviation_mm=deviation[1:],
         estimates_of_scans=estimates,
+        islands=islands,
     )
 
 
@@ -237,8 +281,8 @@ def triangulated(
 
 def _surface(
     chief: ChiefRays, mirror: Pair, landing: Pair, mask: BoolArray, centroid: Pair, method: str, pixel_average: bool
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Slopes and deviation [1 + replicates, rows, columns] from centroids (u, v) of the same shape.
+) -> tuple[FloatArray, FloatArray, FloatArray, Islands]:
+    """Slopes and deviation [1 + replicates, rows, columns] from centroids (u, v) of the same shape; the islands.
 
     mirror: (x, y), landing: (u, v) [rows, columns] of the design. Only the difference from the slopes that the same
     triangulation gives for the design is integrated. This excludes the zonal method's own error on the design surface
@@ -249,11 +293,13 @@ def _surface(
     design = surface.sag(*mirror)
     design_slopes = triangulated(chief, *mirror, design, *landing)
     deviation = np.zeros(centroid[0].shape)
+    join: bool | Islands = True
     for _ in range(HEIGHT_ROUNDS):
         slopes = triangulated(chief, *mirror, design + deviation, *centroid)
         extra_x, extra_y = (slope - own for slope, own in zip(slopes, design_slopes, strict=True))
         if not pixel_average:
             extra_x, extra_y = deconvolve_pixel(extra_x, mask), deconvolve_pixel(extra_y, mask)
-        deviation = integrate_slopes(*mirror, extra_x, extra_y, mask, method)
+        found = integrate(*mirror, extra_x, extra_y, mask, method, join)
+        deviation, join = found.z_mm, found.islands
     true_x, true_y = surface.gradient(*mirror)
-    return true_x + extra_x, true_y + extra_y, deviation
+    return true_x + extra_x, true_y + extra_y, deviation, found.islands

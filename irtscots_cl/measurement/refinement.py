@@ -12,12 +12,12 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from scipy.linalg import pinvh
 
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
+from irtscots_cl.maths.zernike.fit import smoothing_matrix
 from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_profiles import sampled_centroids
@@ -46,9 +46,9 @@ def refine(
     for _ in range(rounds):
         refined = _round(result, stack, fit)
         change = remove_terms(
-            result.x_mm, result.y_mm, refined.deviation_mm - result.deviation_mm, result.mask, "piston_tilt"
+            result.x_mm, result.y_mm, refined.deviation_mm - result.deviation_mm, result.height_mask, "piston_tilt"
         )
-        update = rms(change, result.mask) * 1e6
+        update = rms(change, result.height_mask) * 1e6
         result = dataclasses.replace(refined, updates_nm=(*result.updates_nm, update))
         if update < tolerance_nm:
             break
@@ -58,8 +58,7 @@ def refine(
 def _fit(result: Reconstruction) -> FloatArray:
     """Matrix [terms, pixels used] from heights to coefficients of Noll terms 1, 2, ... by least squares over the mask.
 
-    It uses normal equations: the terms are nearly orthogonal over a mirror. Combinations of terms that the mask cannot
-    separate are omitted.
+    Combinations of terms that the mask cannot separate are omitted. Groups of islands have pistons of their own.
     """
     order = MODEL_ORDER
     while (order + 1) * (order + 2) // 2 * PIXELS_PER_TERM > result.pixels_used and order > 1:
@@ -67,8 +66,8 @@ def _fit(result: Reconstruction) -> FloatArray:
     radius = result.nominal.mirror.diameter_mm / 2
     x, y = result.x_mm[result.mask] / radius, result.y_mm[result.mask] / radius
     basis = np.stack([zernike(noll, x, y) for noll in range(1, (order + 1) * (order + 2) // 2 + 1)])
-    fit: FloatArray = pinvh(basis @ basis.T, rtol=1e-10) @ basis
-    return fit
+    apart = result.islands if result.islands is not None and result.islands.groups > 1 else None
+    return smoothing_matrix(basis, None if apart is None else apart.group_map[result.mask] - 1)
 
 
 def modelled(result: Reconstruction, fit: FloatArray) -> Scene:
@@ -116,9 +115,12 @@ def _round(result: Reconstruction, stack: ImageStack, fit: FloatArray) -> Recons
             differ = deconvolve_pixel(differ, mask)
         kept = result.estimates(f"slope_{axis}") - gradient  # for pixels without light in the model
         extra.append(np.where(np.isfinite(differ), differ, kept))
-    differ = integrate_slopes(result.x_mm, result.y_mm, extra[0], extra[1], mask, result.method)
+    differ = integrate_slopes(result.x_mm, result.y_mm, extra[0], extra[1], mask, result.method, result.join)
     deviation = surface.deviation_at(result.x_mm, result.y_mm)[0] + differ
-    deviation = deviation - np.nanmean(deviation, axis=(1, 2), keepdims=True)
+    if result.islands is None or result.islands.groups == 1:
+        deviation = deviation - np.nanmean(deviation, axis=(1, 2), keepdims=True)
+    else:
+        deviation = result.islands.levelled(deviation)
     slopes = [gradient + e for gradient, e in zip(own, extra, strict=True)]
     design = result.setup.chief_rays.surface.sag(result.x_mm, result.y_mm)
     return dataclasses.replace(

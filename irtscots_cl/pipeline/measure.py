@@ -11,6 +11,7 @@ import numpy as np
 from irtscots_cl.analysis.comparison import HEIGHT_TERMS
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.maths.low_order import remove_terms, rms
+from irtscots_cl.measurement.coefficients import check_kind, coefficients
 from irtscots_cl.measurement.error_bars import ErrorBars, error_bars
 from irtscots_cl.measurement.light_curves import Flag
 from irtscots_cl.measurement.methods import BEST, MEASURES, measure_by
@@ -20,6 +21,7 @@ from irtscots_cl.measurement.saturation import find_ceiling
 from irtscots_cl.measurement.scan_estimates import ScanEstimate, estimate_centroids
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
+from irtscots_cl.report.quality import fit_facts, island_facts, misfit_facts, quality_checks
 from irtscots_cl.report.result_file import write_result
 from irtscots_cl.report.types import AlongAxes, CheckFacts, HeightErrors, MeasuredFacts, Refused
 from irtscots_cl.scene.model import Scene
@@ -41,18 +43,22 @@ def measure(
     *,
     strict: bool = False,
     source: str = "images",
+    zernike: str = "circular",
 ) -> MeasuredFacts:
     """Measure a mirror from images alone, without a truth to compare with.
 
-    how: a name of methods.MEASURES. strict: refuse doubtful images, too. source: the images' file, for messages. Writes
-    result.h5 and figures into the folder and returns the main facts, named as in report.json. Raises
-    RefusedImagesError if a check says that the images are wrong, ValueError if they do not fit the scene or cannot be
-    measured.
+    how: a name of methods.MEASURES. strict: refuse doubtful images, too. source: the images' file, for messages.
+    zernike: kind of the terms that are fitted, of coefficients.KINDS. Writes result.h5 and figures into the folder and
+    returns the main facts, named as in report.json. Raises RefusedImagesError if a check says that the images are
+    wrong, ValueError if they do not fit the scene or cannot be measured.
     """
     from irtscots_cl.report.figures import write_figures
 
+    check_kind(zernike)
     try:
         result, stack, bars, checks = _measured(stack, Setup(nominal), threshold, how, strict)
+        facts = _facts(result, how, bars, checks, zernike)
+        _refuse(checks, strict)
     except ValueError as error:
         kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
         raise kind(f"{source}: {error}") from None
@@ -60,7 +66,7 @@ def measure(
     with open_output_folder(folder):
         write_result(folder / "result.h5", stack, result, attributes, bars)
         write_figures(folder / "figures", stack, result, None)
-    return _facts(result, how, bars, checks)
+    return facts
 
 
 def _measured(
@@ -92,7 +98,7 @@ def _refuse(checks: list[Check], strict: bool) -> None:
 def _against_best(result: Reconstruction, best: Reconstruction, how: str, threshold: float) -> Check:
     """How far the height by a measure that takes images for free of noise and background is from the best one."""
     bars = error_bars(best)
-    both = result.mask & best.mask
+    both = result.height_mask & best.height_mask
     differ = remove_terms(best.x_mm, best.y_mm, result.deviation_mm - best.deviation_mm, both, "piston_tilt")
     value = rms(differ, both) * 1e6
     limit = DIFFERENCE * max(rms(bars.height_mm, both) * 1e6 if bars else 0.0, 1.0)
@@ -104,9 +110,20 @@ def _against_best(result: Reconstruction, best: Reconstruction, how: str, thresh
     return Check("measure", WARNING if value > limit else OK, value, limit, 1e-3, text)
 
 
-def _facts(result: Reconstruction, how: str, bars: ErrorBars | None, checks: list[Check]) -> MeasuredFacts:
-    left = {t: remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, t) for t in HEIGHT_TERMS}
-    deviation = {terms: rms(height, result.mask) * 1e6 for terms, height in left.items()}
+def _facts(
+    result: Reconstruction, how: str, bars: ErrorBars | None, checks: list[Check], zernike: str
+) -> MeasuredFacts:
+    """The facts; adds what islands, misfit and Zernike fit show to the checks."""
+    joined = result.height_mask
+    left = {t: remove_terms(result.x_mm, result.y_mm, result.deviation_mm, joined, t) for t in HEIGHT_TERMS}
+    deviation = {terms: rms(height, joined) * 1e6 for terms, height in left.items()}
+    found = coefficients(result, kind=zernike, bars=bars)
+    slope_noise = (bars.slope_x, bars.slope_y) if bars else None
+    islands, misfit = island_facts(result, result.deviation_mm), misfit_facts(result.misfit(slope_noise))
+    fit, hole = fit_facts(found), result.nominal.mirror.obscuration_mm > 0
+    checks += quality_checks(islands, misfit, fit, hole)
+    columns = zip(found.fit.nolls, found.um.tolist(), found.standard_error_um.tolist(), found.fit.inflation.tolist(),
+                  strict=True)  # fmt: skip
     unknown = float("nan")
     slopes = {a: rms(getattr(bars, f"slope_{a}"), result.mask) * 1e6 if bars else unknown for a in ("x", "y")}
     bound = dict.fromkeys(("x", "y"), unknown)
@@ -120,8 +137,15 @@ def _facts(result: Reconstruction, how: str, bars: ErrorBars | None, checks: lis
         "light_curves_refused": cast("Refused", result.refused()),
         "deviation_nm_rms": cast("HeightErrors", deviation),
         "slope_standard_error_urad": cast("AlongAxes", slopes),
-        "height_standard_error_nm": rms(bars.height_mm, result.mask) * 1e6 if bars else unknown,
+        "height_standard_error_nm": rms(bars.height_mm, joined) * 1e6 if bars else unknown,
         "of_bound": cast("AlongAxes", bound),
+        "zernike": [
+            {"noll": noll, "output_um": um, "standard_error_um": error, "inflation": inflation}
+            for noll, um, error, inflation in columns
+        ],
+        "zernike_fit": fit,
+        "islands": islands,
+        "integration_misfit": misfit,
         "checks": [cast("CheckFacts", asdict(check)) for check in checks],
     }
 

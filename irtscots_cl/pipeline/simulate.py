@@ -48,6 +48,7 @@ def simulate(
     scene: Scene | Setup,
     *,
     measure: str = "paper",
+    zernike: str = "circular",
     parts: bool = False,
     noise: DetectorNoise | None = None,
     response: ScreenResponse | None = None,
@@ -58,10 +59,11 @@ def simulate(
 ) -> Run:
     """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
 
-    scene: a scene, or a Setup of it. measure: a name of methods.MEASURES. parts: also separate the height error into
-    its terms; float rounding is separated on the first device, not with a client. noise, response: of the detector and
-    the screen, instead of the scene's own. device, client, progress, trace_options: as of `trace`. Raises as `trace`,
-    `measure_by` and, with noise, noise.check_noise do.
+    scene: a scene, or a Setup of it. measure: a name of methods.MEASURES. zernike: kind of the terms that are fitted,
+    of coefficients.KINDS. parts: also separate the height error into its terms; float rounding is separated on the
+    first device, not with a client. noise, response: of the detector and the screen, instead of the scene's own.
+    device, client, progress, trace_options: as of `trace`. Raises as `trace`, `measure_by` and, with noise,
+    noise.check_noise do.
     """
     started = time.perf_counter()
     setup = Setup.of(scene)
@@ -79,7 +81,7 @@ def simulate(
     result = measure_by(measure, stack, setup.nominal)
     measured = time.perf_counter()
     interruption.check()
-    comparison, predicted = compare(result, scene), predict_error(result, stack)
+    comparison, predicted = compare(result, scene, zernike), predict_error(result, stack)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
     separated = error_terms(result, setup, measure, transport.options, device) if parts else ()
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)

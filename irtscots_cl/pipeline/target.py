@@ -172,6 +172,7 @@ def run_to_target(
     device: Device,
     seed: int = 1,
     parts: bool = False,
+    zernike: str = "circular",
     progress: Callable[[int, int], None] | None = None,
     **fixed: Any,
 ) -> Run:
@@ -185,7 +186,7 @@ def run_to_target(
     chosen = plan(setup, target_nm, device, **fixed)[0]
     for attempt in range(1 + RERUNS):
         run = simulate(
-            setup, device=device, seed=seed, parts=parts, progress=progress, replicates=REPLICATES,
+            setup, device=device, seed=seed, parts=parts, zernike=zernike, progress=progress, replicates=REPLICATES,
             estimator=chosen.estimator, sampler=chosen.sampler, precision=chosen.precision,
             smoothing=chosen.smoothing, measure=chosen.measure, rays_per_pixel=chosen.rays_per_pixel,
         )  # fmt: skip

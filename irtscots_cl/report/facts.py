@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import cast
 
@@ -10,6 +11,7 @@ from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.analysis.stray_light import StrayLight
 from irtscots_cl.measurement.prediction import PredictedError
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.report.quality import fit_facts, island_facts, misfit_facts, quality_warnings
 from irtscots_cl.report.tables import as_xy, error_term_facts
 from irtscots_cl.report.types import (
     AlongAxes,
@@ -21,6 +23,7 @@ from irtscots_cl.report.types import (
     Report,
     Seconds,
     TraceSeconds,
+    ZernikeFacts,
 )
 from irtscots_cl.system.versions import versions
 from irtscots_cl.tracing.results.paths import PathLight
@@ -39,6 +42,8 @@ def build_report(
     """The contents of report.json. measure: name of the measurement method. parts: terms of the height
     error, may be empty. seconds: build, trace, reconstruct, total."""
     slopes, heights = comparison.slope_error_urad, comparison.height_error_nm
+    islands, misfit = island_facts(result, comparison.error_mm), misfit_facts(result.misfit())
+    fit = fit_facts(comparison.zernike_fit)
     return {
         "scene": transport.scene.name,
         "device": cast("DeviceFacts", transport.device),
@@ -74,15 +79,11 @@ def build_report(
             "height_line_sampling_nm_rms": predicted.line_sampling_height_mm * 1e6,
         },
         "error_parts": [error_term_facts(part) for part in parts],
-        "zernike": [
-            {
-                "noll": row.noll,
-                "input_um": row.input_um,
-                "output_um": row.output_um,
-                "standard_error_um": row.standard_error_um,
-            }
-            for row in comparison.zernike
-        ],
+        "zernike": [cast("ZernikeFacts", dataclasses.asdict(row)) for row in comparison.zernike],
+        "zernike_fit": fit,
+        "islands": islands,
+        "integration_misfit": misfit,
+        "warnings": quality_warnings(islands, misfit, fit, transport.scene.mirror.obscuration_mm > 0),
     }
 
 

@@ -13,7 +13,6 @@ from irtscots_cl.analysis.comparison import Comparison
 from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.maths.low_order import remove_terms
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.optics.pixel.chord import chord_cdf
 from irtscots_cl.system.atomic_files import replacing
@@ -109,7 +108,7 @@ def height_figure(result: Reconstruction, comparison: Comparison | None) -> Figu
     figure = Figure(figsize=(5 * count, 4.2), layout="tight")
     axes = figure.subplots(1, count)
     _map(figure, axes[0], result, result.height_mm, "height", "mm", "viridis")
-    deviation = remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, "piston_tilt") * 1e6
+    deviation = result.levelled(result.deviation_mm) * 1e6
     _map(figure, axes[1], result, deviation, "deviation, piston and tilt removed", "nm", "RdBu_r")
     if comparison is not None:
         _map(figure, axes[2], result, comparison.error_mm * 1e6, "error, piston and tilt removed", "nm", "RdBu_r")

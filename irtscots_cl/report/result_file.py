@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
+from irtscots_cl.maths.integration import separate_islands
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
@@ -25,6 +26,7 @@ def write_result(
     """Write result.h5: images [lines, rows, columns] in the stack's unit with standard errors, lines, mirror points,
     mask, centroids, slopes and height. attributes: of the file (scene as TOML, seed, device, versions). bars: standard
     errors from the noise of the images, where the measure gives them; else those of the height are the replicates'."""
+    islands = result.islands or separate_islands(result.mask)
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         for key, value in attributes.items():
             file.attrs[key] = value
@@ -37,6 +39,8 @@ def write_result(
             ("mirror/x_mm", result.x_mm, "mm"),
             ("mirror/y_mm", result.y_mm, "mm"),
             ("mask", result.mask, "1"),
+            ("islands", islands.label, "1"),
+            ("island_groups", islands.group_map, "1"),
             ("flags", result.flags, "1"),
             ("centroid/x_mm", result.centroid_x_mm, "mm"),
             ("centroid/y_mm", result.centroid_y_mm, "mm"),

@@ -12,12 +12,16 @@ from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.report.types import (
     AlongAxes,
     ErrorPart,
+    IslandReport,
     MeasuredFacts,
+    MisfitFacts,
     NoiseFacts,
     PathReport,
     Refused,
     Report,
     Target,
+    ZernikeFacts,
+    ZernikeFitFacts,
 )
 
 
@@ -70,7 +74,7 @@ def as_xy(values: tuple[float, float]) -> AlongAxes:
 
 
 def summary_tables(report: Report) -> list[Table]:
-    """The short tables of a run: speed, errors and their predictions, Zernike coefficients of the scene."""
+    """The short tables of a run: speed, errors and their predictions, islands, Zernike coefficients of the scene."""
     tables = [_run_table(report), _error_table(report)]
     if "noise" in report:
         tables.insert(1, _noise_table(report["noise"]))
@@ -78,24 +82,56 @@ def summary_tables(report: Report) -> list[Table]:
         tables.append(_parts_table(report))
     if "target" in report:
         tables.insert(0, _target_table(report["target"]))
+    tables += island_tables(report["islands"])
     rows = [row for row in report["zernike"] if row["input_um"] != 0]
     if rows:
-        tables.append(
-            Table(
-                "Zernike coefficients (Noll)",
-                ("term", "in [um]", "out [um]", "difference [nm]"),
-                [
-                    (
-                        str(row["noll"]),
-                        f"{row['input_um']:.4f}",
-                        str(Estimate(row["output_um"], row["standard_error_um"])),
-                        f"{(row['output_um'] - row['input_um']) * 1e3:+.2f}",
-                    )
-                    for row in rows
-                ],
-            )
-        )
+        tables.append(_zernike_table(rows, report["zernike_fit"]))
     return tables
+
+
+def _zernike_table(rows: list[ZernikeFacts], fit: ZernikeFitFacts) -> Table:
+    """in: of the scene; of it: what the fit over the pixels gives for the true mirror, where that differs."""
+    if fit["kind"] == "annular":
+        rows = [row for row in rows if abs(row["input_um"]) >= 1e-4 or row["noll"] <= 4]
+    differs = any(abs(row["expected_um"] - row["input_um"]) >= 1e-4 for row in rows if row["noll"] > 1)
+    head = ("term", "in [um]", *(["of it over the pixels [um]"] if differs else []), "out [um]", "difference [nm]")
+    shown = []
+    for row in rows:
+        known = math.isfinite(row["output_um"])
+        over = [f"{row['expected_um']:.4f}" if known else "-"] if differs else []
+        out = str(Estimate(row["output_um"], row["standard_error_um"])) if known else "not separable"
+        difference = f"{(row['output_um'] - row['expected_um']) * 1e3:+.2f}" if known else "-"
+        shown.append((str(row["noll"]), f"{row['input_um']:.4f}", *over, out, difference))
+    return Table(f"Zernike coefficients ({_zernike_kind(fit)}), condition {fit['condition']:.3g}", head, shown)
+
+
+def _zernike_kind(fit: ZernikeFitFacts) -> str:
+    return f"annular, hole {fit['obscuration_ratio']:.3g}" if fit["kind"] == "annular" else "Noll"
+
+
+def island_tables(islands: IslandReport) -> list[Table]:
+    """A table of the islands, none where the mask is one."""
+    if islands["count"] == 1:
+        return []
+    rows = [
+        (str(k), f"{i['pixels']:,}", str(i["group"]),
+         f"{i['piston_standard_error_nm']:.2g}" if i["piston_known"] else "unknown", f"{i['nm_rms']:.4g}")
+        for k, i in enumerate(islands["largest"], 1)
+    ]  # fmt: skip
+    groups = f"{islands['groups']} joined group{'s' * (islands['groups'] > 1)}"
+    title = (
+        f"{islands['count']} islands in {groups}, the largest of "
+        f"{islands['pixels_in_heights']:,} pixels; {islands['own_pistons_nm_rms']:.4g} nm rms with own pistons"
+    )
+    head = ("island", "pixels", "group", "piston, standard error [nm]", "own rms [nm]")
+    return [Table(title, head, rows)]
+
+
+def misfit_text(misfit: MisfitFacts) -> str:
+    """The misfit of integration beside noise and limit."""
+    noise = misfit["noise_urad_rms"]
+    of_noise = f"noise {noise:.3g}, " if math.isfinite(noise) else ""
+    return f"{_shown(misfit['urad_rms'])} urad ({of_noise}limit {_shown(misfit['limit_urad_rms'])})"
 
 
 def _run_table(report: Report) -> Table:
@@ -112,12 +148,14 @@ def _run_table(report: Report) -> Table:
             ("seconds", ", ".join(f"{name} {value:.2f}" for name, value in seconds.items())),
             ("ledger", fates),
             ("pixels used", pixels_text(report["pixels_used"], refused)),
+            ("slopes of no surface", misfit_text(report["integration_misfit"])),
         ],
     )
 
 
 def measured_tables(facts: MeasuredFacts) -> list[Table]:
-    """The results of pipeline.measure for a lab's images: the deviation, and the checks that did not pass."""
+    """The results of pipeline.measure for a lab's images: the deviation, the islands, the Zernike coefficients, and the
+    checks that did not pass."""
     rows = [("pixels used", pixels_text(facts["pixels_used"], facts["light_curves_refused"]))]
     rows += [(f"without {terms.replace('_', ', ')} [nm]", f"{v:.4g}") for terms, v in facts["deviation_nm_rms"].items()]
     if math.isfinite(facts["height_standard_error_nm"]):
@@ -127,12 +165,22 @@ def measured_tables(facts: MeasuredFacts) -> list[Table]:
             ("standard error of the slopes [urad]", f"{slopes['x']:.3g}, {slopes['y']:.3g}"),
             ("centroids' error / Cramer-Rao bound", f"{bound['x']:.3g}, {bound['y']:.3g}"),
         ]
-    tables = [Table("Deviation from the design, rms", ("", ""), rows)]
+    rows += [("slopes of no surface", misfit_text(facts["integration_misfit"]))]
+    tables = [Table("Deviation from the design, rms", ("", ""), rows), *island_tables(facts["islands"])]
+    tables.append(_coefficient_table(facts))
     failed = [(c["name"], c["level"], c["text"]) for c in facts["checks"] if c["level"] != "ok"]
     passed = len(facts["checks"]) - len(failed)
     if failed:
         tables.append(Table(f"Checks of the images: {passed} passed, these did not", ("check", "verdict", ""), failed))
     return tables
+
+
+def _coefficient_table(facts: MeasuredFacts) -> Table:
+    fit = facts["zernike_fit"]
+    rows = [(str(t["noll"]), str(Estimate(t["output_um"], t["standard_error_um"]))) for t in facts["zernike"]]
+    rows += [("errors from", fit["standard_errors_from"]), ("condition", f"{fit['condition']:.3g}")]
+    rows += [("left by the fit", f"{fit['residual_nm_rms']:.3g} nm rms")]
+    return Table(f"Zernike coefficients ({_zernike_kind(fit)})", ("term", "[um]"), rows)
 
 
 def pixels_text(used: int, refused: Refused) -> str:

@@ -116,6 +116,61 @@ class ZernikeFacts(TypedDict):
     input_um: float
     output_um: float
     standard_error_um: float
+    expected_um: float
+    inflation: float
+
+
+class MeasuredZernike(TypedDict):
+    """A Noll coefficient of a lab's mirror."""
+
+    noll: int
+    output_um: float
+    standard_error_um: float
+    inflation: float
+
+
+class ZernikeFitFacts(TypedDict):
+    """How the Zernike terms were fitted. dropped: Noll terms that the pixels cannot separate from the others."""
+
+    kind: str
+    radius_mm: float
+    obscuration_ratio: float
+    condition: float
+    condition_of_all: float
+    dropped: list[int]
+    residual_nm_rms: float
+    standard_errors_from: str
+
+
+class MisfitFacts(TypedDict):
+    """The part of the slopes that no surface has, what noise leaves of it, and its limit."""
+
+    urad_rms: float
+    noise_urad_rms: float
+    limit_urad_rms: float
+    suspicious: bool
+
+
+class IslandFacts(TypedDict):
+    """One island of the mask."""
+
+    pixels: int
+    group: int
+    piston_known: bool
+    piston_standard_error_nm: float
+    nm_rms: float
+
+
+class IslandReport(TypedDict):
+    """Islands of the mask. groups: of islands joined with each other, 1 if all are. largest: at most 20 of them."""
+
+    count: int
+    groups: int
+    pixels_in_heights: int
+    pixels_alone: int
+    join_limit: float
+    own_pistons_nm_rms: float
+    largest: list[IslandFacts]
 
 
 class SettingFacts(TypedDict):
@@ -186,6 +241,10 @@ class Report(TypedDict):
     predicted: Predicted
     error_parts: list[ErrorPart]
     zernike: list[ZernikeFacts]
+    zernike_fit: ZernikeFitFacts
+    islands: IslandReport
+    integration_misfit: MisfitFacts
+    warnings: list[str]
     target: NotRequired[Target]
     noise: NotRequired[NoiseFacts]
     checks: NotRequired[list[CheckFacts]]
@@ -258,6 +317,10 @@ class MeasuredFacts(TypedDict):
     pixels_used: int
     light_curves_refused: Refused
     deviation_nm_rms: HeightErrors
+    zernike: list[MeasuredZernike]
+    zernike_fit: ZernikeFitFacts
+    islands: IslandReport
+    integration_misfit: MisfitFacts
     slope_standard_error_urad: AlongAxes
     height_standard_error_nm: float
     of_bound: AlongAxes

@@ -64,7 +64,7 @@ def _quadratic(mask: np.ndarray, bench: Bench) -> list[Finding]:
     x, y = _nodes(SIZE)
     height, slope_x, slope_y = _surface(x, y)
     nan = np.where(mask, 0.0, np.nan)  # nothing outside the mask may matter
-    found = integrate_slopes(x + nan, y + nan, slope_x + nan, slope_y + nan, mask)
+    found = integrate_slopes(x + nan, y + nan, slope_x + nan, slope_y + nan, mask, join=False)
     islands, errors, means = label(mask, connectivity=1), np.zeros(mask.shape), []
     for island in range(1, islands.max() + 1):
         at = islands == island

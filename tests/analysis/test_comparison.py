@@ -6,51 +6,16 @@ import dataclasses
 
 import numpy as np
 import pytest
+from surfaces import exact
 
 from irtscots_cl.analysis.comparison import compare
+from irtscots_cl.maths.integration import separate_islands
 from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.maths.zernike.polynomials import zernike
-from irtscots_cl.measurement.reconstruction import Reconstruction
-from irtscots_cl.optics.setup import Setup
-from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.presets import load_scene
 
 ROUNDING = 1e-9  # relative: heights of up to 1e-3 mm and a fit of 45 terms
-
-
-def exact(scene, pixels: int = 31) -> Reconstruction:
-    """What a measurement without any error would give, on a square grid over the mirror's inner 98 %."""
-    radius = scene.mirror.diameter_mm / 2
-    grid = np.linspace(-radius, radius, pixels)
-    x, y = np.meshgrid(grid, grid)
-    mask = np.hypot(x, y) < 0.98 * radius
-    x, y = np.where(mask, x, np.nan), np.where(mask, y, np.nan)
-    surface = Surface.of(scene.mirror)
-    slope_x, slope_y = surface.gradient(x, y)
-    deviation = surface.deviation_at(x, y)[0]
-    none = np.zeros((0, *mask.shape))
-    good = np.zeros(mask.shape, int)
-    return Reconstruction(
-        setup=Setup(scene.nominal()),
-        light_curve="centroid",
-        method="southwell",
-        pixel_average=True,
-        x_mm=x,
-        y_mm=y,
-        on_mirror=mask,
-        mask=mask,
-        flags=good,
-        centroid_x_mm=x * 0,
-        centroid_y_mm=x * 0,
-        slope_x=slope_x,
-        slope_y=slope_y,
-        height_mm=surface.sag(x, y),
-        deviation_mm=deviation,
-        jackknife_slope_x=none,
-        jackknife_slope_y=none,
-        jackknife_deviation_mm=none,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -155,10 +120,37 @@ def test_an_unexpected_term_is_found_too(scene, result):
     assert found.zernike[6].output_um == pytest.approx(0.05, rel=1e-7)  # rounding of the fit
 
 
-def test_too_few_pixels_for_the_fit_give_no_coefficients(scene):
+def test_too_few_pixels_for_all_terms_give_the_low_orders(scene):
     few = exact(scene, 7)
     assert few.mask.sum() < 45
-    assert compare(few, scene).zernike == ()
+    found = compare(few, scene)
+    fitted = [row for row in found.zernike if np.isfinite(row.output_um)]
+    assert [row.noll for row in fitted] == list(range(1, len(fitted) + 1)) and 6 <= len(fitted) < few.mask.sum()
+    lost = {row.noll for row in found.zernike} - {row.noll for row in fitted}
+    assert lost and lost <= set(scene.mirror.zernike[0].coefficients_um)
+    assert "not separable by the pixels" in str(found)
+
+
+def test_piston_is_compared_with_that_of_a_true_map_without_its_mean(scene, result):
+    level = result.deviation_mm - np.nanmean(result.deviation_mm)
+    row = compare(dataclasses.replace(result, deviation_mm=level), scene)
+    piston, power = row.zernike[0], row.zernike[3]
+    assert piston.input_um == 0 and abs(piston.expected_um) > 1e-4  # the mean over these pixels
+    assert piston.output_um == pytest.approx(piston.expected_um, abs=1e-10)
+    assert power.expected_um == pytest.approx(power.input_um, abs=1e-10)
+
+
+def test_groups_of_islands_are_not_compared_in_height(scene, result):
+    """Two halves, their pistons unknown: heights of the larger, slopes of both, own pistons in the map."""
+    mask = result.mask & (np.abs(np.arange(31) - 16) > 3)
+    islands = separate_islands(mask)
+    level = islands.levelled(result.deviation_mm)
+    found = compare(dataclasses.replace(result, mask=mask, islands=islands, deviation_mm=level), scene)
+    assert islands.groups == 2 and found.pixels_used == mask.sum() > islands.main.sum()
+    assert max(heights(found)) < 1e-6 and np.nanmax(np.abs(found.error_mm)) < 1e-12
+    assert np.array_equal(np.isfinite(found.error_mm), mask)
+    errors = [abs(row.output_um - row.expected_um) for row in found.zernike if np.isfinite(row.output_um)]
+    assert len(errors) >= 6 and max(errors) < 1e-9
 
 
 def test_an_estimate_is_printed_with_its_error_where_it_has_one():

@@ -310,6 +310,32 @@ def test_reconstruct_prints_a_table(irtscots, finished, here):
     )
     assert (code, err) == (0, "")
     assert "without piston, tilt [nm]" in out and out.endswith("results in lab\n")
+    assert "Zernike coefficients (Noll)" in out and "slopes of no surface" in out
+
+
+def test_reconstruct_tells_the_islands_and_the_coefficients(irtscots, finished, here):
+    """The middle columns dark: two parts whose pistons are unknown, said on stderr, in the table and in JSON."""
+    with h5py.File(finished / "out" / "result.h5") as file, h5py.File("halves.h5", "w") as halves:
+        for name in ("images/x", "images/y", "lines/x_mm", "lines/y_mm"):
+            halves[name] = file[name][()]
+        columns = file["mask"].shape[1]
+        for name in ("images/x", "images/y"):
+            halves[name][:, :, columns // 2 - 4 : columns // 2 + 5] = 0.0
+    arguments = ("reconstruct", "halves.h5", "--scene", finished / "my.toml", "--out", "lab")
+    code, out, err = irtscots(*arguments)
+    assert code == 0 and "2 islands in 2 joined groups" in out and "unknown" in out
+    assert "irtscots: warning: islands: the mask has 2 islands in 2 groups" in err
+    code, out, err = irtscots(*arguments, "--json")
+    facts = json.loads(out, parse_constant=pytest.fail)
+    assert code == 0 and facts["islands"]["groups"] == 2 and facts["islands"]["largest"][1]["piston_known"] is False
+    told = [f"irtscots: warning: {c['name']}: {c['text']}" for c in facts["checks"] if c["level"] != "ok"]
+    assert told == err.splitlines()
+    assert facts["zernike_fit"]["standard_errors_from"] == "images"
+    astigmatism = next(row for row in facts["zernike"] if row["noll"] == 6)
+    assert abs(astigmatism["output_um"] - 0.3266) < 5 * astigmatism["standard_error_um"] + 0.02  # other terms' share
+    with h5py.File(here / "lab" / "result.h5") as file:
+        assert set(np.unique(file["island_groups"][()])) == {0, 1, 2}
+        assert np.array_equal(file["islands"][()] > 0, file["mask"][()])
 
 
 def test_reconstruct_refuses_images_that_do_not_fit(irtscots, finished, here):
@@ -383,6 +409,7 @@ def test_saturated_pixels_are_counted_and_left_out(irtscots, finished, here, wit
         (("--saturation", "1e-300"), ("0 of the 393 detector pixels", "393 saturated")),
         (("--measure", "bad"), ("--measure = 'bad': must be one of paper, fine, refined",)),
         (("--measure",), ("--measure", "see irtscots reconstruct --help")),
+        (("--zernike", "square"), ("--zernike = 'square': must be one of circular, annular",)),
     ],
 )
 def test_reconstruct_refuses_what_it_cannot_use(irtscots, finished, here, option, parts):

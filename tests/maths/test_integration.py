@@ -51,9 +51,11 @@ def test_exact_on_quadratics_over_any_nodes(method, name, degree):
     mask = MASKS[name]
     x, y = np.array(sheared_grid(*mask.shape)) + 0.2 * np.random.default_rng(0).normal(size=(2, *mask.shape))
     z, p, q = polynomial(degree, x, y)
-    got = integrate_slopes(x, y, p, q, mask, method)
+    got = integrate_slopes(x, y, p, q, mask, method, join=False)
     assert_heights(got, levelled(z, mask), 1e-12)  # heights of 1 mm: rounding summed over 40 nodes
     assert np.nanmax(np.abs(got)) > 0.05
+    joined = integrate_slopes(x, y, p, q, mask, method)
+    assert_heights(joined, np.where(mask, z - z[mask].mean(), np.nan), 1e-11)  # weights of condition 1e5
 
 
 @pytest.mark.parametrize("method", ZONAL)
@@ -197,7 +199,7 @@ def test_both_components_of_the_pair_vector_count(method):
 def test_islands_have_their_own_piston_and_diagonals_do_not_join(method):
     x, y = sheared_grid(*ISLANDS.shape)
     p, q = np.random.default_rng(2).normal(size=(2, *ISLANDS.shape))
-    open_pool = integrate_slopes(x, y, p, q, ISLANDS, method)
+    open_pool = integrate_slopes(x, y, p, q, ISLANDS, method, join=False)
     assert open_pool[0, 3] == 0.0  # alone
     for rows, columns in ((slice(0, 2), slice(0, 2)), (slice(2, 4), slice(2, 4)), (slice(5, 6), slice(None))):
         alone = np.zeros_like(ISLANDS)
@@ -214,7 +216,7 @@ def test_a_bridge_of_one_node_carries_the_height_across(method):
     apart = BRIDGE.copy()
     apart[:, 10] = False
     expected = z - z[apart].mean()
-    assert np.abs(integrate_slopes(x, y, p, q, apart, method) - expected)[apart].max() > 0.1  # two pistons
+    assert np.abs(integrate_slopes(x, y, p, q, apart, method, join=False) - expected)[apart].max() > 0.1
     joined = integrate_slopes(x, y, p, q, BRIDGE, method)
     assert_heights(joined, np.where(BRIDGE, z - z[BRIDGE].mean(), np.nan), 1e-12)  # rounding of 1 mm
 
@@ -233,11 +235,12 @@ def test_many_maps_are_integrated_as_one_by_one(method):
     x, y = sheared_grid(12, 15)
     p, q = np.random.default_rng(5).normal(size=(2, 2, 3, 12, 15))
     for mask in (disk(12, 15), np.eye(12, 15, dtype=bool)):
-        got = integrate_slopes(x, y, p, q, mask, method)
+        got = integrate_slopes(x, y, p, q, mask, method, join=False)
         assert got.shape == (2, 3, 12, 15)
         for index in np.ndindex(2, 3):
             # sums over several columns may add up in another order: ulps of heights of up to 50
-            assert_heights(got[index], integrate_slopes(x, y, p[index], q[index], mask, method), 1e-12)
+            one = integrate_slopes(x, y, p[index], q[index], mask, method, join=False)
+            assert_heights(got[index], one, 1e-12)
     assert integrate_slopes(x, y, p[:0], q[:0], mask, method).shape == (0, 3, 12, 15)
 
 

@@ -153,6 +153,81 @@ def test_a_dead_pixel_is_empty_and_its_neighbours_do_not_mind(deviated):
     )
 
 
+ROW, COLUMN = np.mgrid[:41, :41]
+DARK = {
+    "cross": (ROW == 20) | (COLUMN == 20),
+    "ring": np.abs(np.hypot(ROW - 20, COLUMN - 20) - 10) < 1,
+    "30 % dead": np.random.default_rng(3).random((41, 41)) < 0.3,
+    "50 % dead": np.random.default_rng(3).random((41, 41)) < 0.5,
+}
+
+
+def darkened(stack, dark):
+    return changed(stack, lambda flux: np.where(dark.ravel()[None, :, None], 0.0, flux))
+
+
+@pytest.mark.parametrize("name", DARK)
+def test_parts_of_a_mirror_are_joined(deviated, name):
+    scene, stack, clean = deviated
+    result = reconstruct(darkened(stack, DARK[name]), scene.nominal())
+    assert result.islands.groups == 1 < result.islands.count
+    assert np.array_equal(result.height_mask, result.mask)
+    assert height_error(result, scene) < height_error(clean, scene) + 0.5 * NM  # seen: 0.2 nm more at most
+    assert abs(np.nanmean(result.deviation_mm)) < 1e-15  # mm
+
+
+def test_parts_too_far_from_each_other_have_heights_of_their_own(deviated):
+    scene, stack, _ = deviated
+    result = reconstruct(darkened(with_replicates(stack, 4, 0.01), np.abs(COLUMN - 20) <= 8), scene.nominal())
+    assert (result.islands.count, result.islands.groups) == (2, 2)
+    assert result.height_mask.sum() < result.pixels_used == result.mask.sum()
+    assert max(slope_errors(result, scene)) < 0.5 * URAD
+    error = result.height_standard_error_mm()
+    assert np.array_equal(np.isfinite(error), result.height_mask)
+    truth = Surface.of(scene.mirror).deviation_at(result.x_mm, result.y_mm)[0]
+    left = result.levelled(result.deviation_mm - truth)
+    assert rms(left, result.mask) < 10 * NM  # both parts, each with its own piston; 100 nm of noise without
+    assert np.array_equal(np.isfinite(left), result.mask)
+
+
+def test_what_joining_may_have_wrong_is_part_of_the_standard_error(deviated):
+    scene, stack, _ = deviated
+    result = reconstruct(darkened(with_replicates(stack, 4, 1e-6), np.abs(COLUMN - 20) <= 1), scene.nominal())
+    assert (result.islands.count, result.islands.groups) == (2, 1)
+    alone = dataclasses.replace(result, islands=None).height_standard_error_mm()
+    both = result.height_standard_error_mm()
+    assert rms(both, result.mask) > 10 * rms(alone, result.mask)
+    assert rms(both, result.mask) < result.islands.error_mm[1] < 20 * NM
+
+
+def test_images_read_the_wrong_way_round_have_slopes_of_no_surface(deviated):
+    scene, stack, right = deviated
+    assert not right.misfit().suspicious and right.misfit().slope < 0.05 * URAD
+    flip = lambda flux: flux.reshape(*flux.shape[:1], 41, 41, -1)[:, ::-1].reshape(flux.shape)  # noqa: E731
+    turned = lambda flux: flux.reshape(*flux.shape[:1], 41, 41, -1).swapaxes(1, 2).reshape(flux.shape)  # noqa: E731
+    exchanged = ImageStack(
+        dataclasses.replace(stack.x, flux_w=stack.y.flux_w), dataclasses.replace(stack.y, flux_w=stack.x.flux_w)
+    )
+    for name, wrong in (
+        ("rows upside down", changed(stack, flip)),
+        ("one scan upside down", changed(stack, flip, lambda flux: flux)),
+        ("transposed", changed(stack, turned)),
+        ("exchanged", exchanged),
+    ):
+        found = reconstruct(wrong, scene.nominal()).misfit()
+        print(name, found.slope / URAD, found.limit / URAD)
+        assert found.slope > 20 * right.misfit().slope
+        assert found.suspicious or name == "rows upside down"  # those slopes are nearly a surface's
+
+
+def test_noise_is_expected_to_leave_a_misfit(deviated):
+    scene, stack, right = deviated
+    noisy = reconstruct(with_replicates(stack, 8, 0.01), scene.nominal()).misfit()
+    assert noisy.slope > 5 * right.misfit().slope
+    assert noisy.slope == pytest.approx(noisy.expected, rel=0.15)  # the jackknife of 8: 4 % of the mean of 1000 pixels
+    assert not noisy.suspicious
+
+
 def test_a_pixel_that_one_replicate_alone_saw_has_no_error_bar_and_counts_as_empty(deviated):
     scene, stack, result = deviated
     pixel = (15, 22)

@@ -410,3 +410,22 @@ def test_a_pixel_with_a_wrong_light_curve_stays_where_it_is(small, refined):
     far[pixel[0] - 3 : pixel[0] + 4, pixel[1] - 3 : pixel[1] + 4] = False
     slopes = result.slope_x - refined.slope_x
     assert rms(slopes, far) < abs(moved) / 50  # one of 393 pixels
+
+
+@pytest.mark.parametrize(("half_gap", "groups"), [(0, 1), (6, 2)])
+def test_parts_of_a_mirror_are_refined_with_pistons_of_their_own(half_gap, groups):
+    """Unknown pistons must not look like a step to the model: that would tilt it by microradians."""
+    scene = small_scene()
+    dark = np.abs(np.arange(41 * 41) % 41 - 20) <= half_gap
+    whole = images_of(scene)
+    scans = []
+    for scan in (whole.x, whole.y):
+        scans.append(dataclasses.replace(scan, flux_w=np.where(dark[scan.pixels, None], 0.0, scan.flux_w)))
+    stack = ImageStack(*scans)
+    result = measure_by("refined", stack, scene.nominal())
+    assert result.islands.count == 2 and result.islands.groups == groups
+    left = result.levelled(result.deviation_mm - truth_mm(result, scene))
+    assert rms(left, result.mask) < 0.1 * NM
+    for group in range(1, groups + 1):
+        assert abs(np.mean(result.deviation_mm[result.islands.group_map == group])) < 1e-15  # mm
+    assert result.updates_nm[-1] < 0.1

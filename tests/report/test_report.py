@@ -16,7 +16,8 @@ from irtscots_cl.measurement.prediction import predict_error
 from irtscots_cl.measurement.reconstruction import reconstruct
 from irtscots_cl.report.facts import build_report, path_facts
 from irtscots_cl.report.html import write_html
-from irtscots_cl.report.tables import measured_table, path_tables, summary_tables
+from irtscots_cl.report.quality import fit_facts, island_facts, misfit_facts, quality_warnings
+from irtscots_cl.report.tables import island_tables, measured_tables, path_tables, summary_tables
 from irtscots_cl.system.atomic_files import plain
 from irtscots_cl.system.versions import versions
 from irtscots_cl.tracing.options import TraceOptions
@@ -54,6 +55,10 @@ MORE = {
     "predicted",
     "slope_error_urad_rms_standard_error",
     "height_error_nm_rms_standard_error",
+    "zernike_fit",
+    "islands",
+    "integration_misfit",
+    "warnings",
 }
 FATES = [
     "launched",
@@ -114,7 +119,8 @@ def test_the_report_has_the_keys_that_others_rely_on(report):
     assert set(report["slope_error_urad_rms"]) == {"x", "y"}
     assert set(report["height_error_nm_rms"]) == {"piston", "piston_tilt", "piston_tilt_power"}
     assert all(
-        set(row) == {"noll", "input_um", "output_um", "standard_error_um"} for row in report["zernike"]
+        set(row) == {"noll", "input_um", "output_um", "standard_error_um", "expected_um", "inflation"}
+        for row in report["zernike"]
     )
     assert {"index", "name", "driver"} <= set(report["device"])
     assert set(report["versions"]) == {"irtscots-cl", "pyopencl", "numpy", "scipy"} == set(versions())
@@ -192,18 +198,87 @@ def test_a_mirror_without_deviation_has_no_table_of_coefficients(report):
     assert len(summary_tables(plain_mirror)) == 2
 
 
-def test_a_measurement_s_table():
+def test_a_measurement_s_tables():
+    nan = float("nan")
     facts = {
         "scene": "a",
         "pixels_used": 9000,
         "light_curves_refused": {"empty": 0, "clipped": 12},
         "deviation_nm_rms": {"piston": 384.12, "piston_tilt": 1.0},
-    }
-    assert measured_table(facts).rows == [
+        "height_standard_error_nm": nan,
+        "integration_misfit": {"urad_rms": 0.5, "noise_urad_rms": nan, "limit_urad_rms": 0.25, "suspicious": True},
+        "islands": {"count": 1, "groups": 1},
+        "zernike": [{"noll": 4, "output_um": 0.25, "standard_error_um": 0.001, "inflation": 1.0}],
+        "zernike_fit": {"kind": "annular", "obscuration_ratio": 0.3, "condition": 1.1, "residual_nm_rms": 2.0,
+                        "standard_errors_from": "misfit"},
+        "checks": [{"name": "integration misfit", "level": "warning", "text": "much"},
+                   {"name": "islands", "level": "ok", "text": ""}],
+    }  # fmt: skip
+    deviation, zernike, checks = measured_tables(facts)
+    assert deviation.rows == [
         ("pixels used", "9,000, not used: 12 clipped"),
         ("without piston [nm]", "384.1"),
         ("without piston, tilt [nm]", "1"),
+        ("slopes of no surface", "0.5 urad (limit 0.25)"),
     ]
+    assert zernike.title == "Zernike coefficients (annular, hole 0.3)"
+    assert zernike.rows == [
+        ("4", "0.25 +- 0.001"),
+        ("errors from", "misfit"),
+        ("condition", "1.1"),
+        ("left by the fit", "2 nm rms"),
+    ]
+    assert checks.rows == [("integration misfit", "warning", "much")] and "1 passed" in checks.title
+
+
+def in_halves(gap: int):
+    """A result of images whose middle columns are dark, and its scene."""
+    scene = small_scene()
+    stack = noise_free_stack(scene)
+    dark = np.abs(np.arange(41 * 41) % 41 - 20) <= gap
+    scans = (dataclasses.replace(s, flux_w=np.where(dark[None, :, None], 0, s.flux_w)) for s in (stack.x, stack.y))
+    return reconstruct(ImageStack(*scans), scene.nominal()), scene
+
+
+def test_islands_that_are_joined_are_told_with_their_errors():
+    result, scene = in_halves(0)
+    facts = island_facts(result, compare(result, scene).error_mm)
+    assert (facts["count"], facts["groups"], facts["pixels_alone"]) == (2, 1, 0)
+    assert facts["pixels_in_heights"] == result.pixels_used
+    first, second = facts["largest"]
+    assert first["piston_known"] and first["piston_standard_error_nm"] == 0
+    assert second["piston_known"] and 0 < second["piston_standard_error_nm"] < 20
+    assert facts["own_pistons_nm_rms"] == pytest.approx(compare(result, scene).height_error_nm["piston_tilt"].value)
+    (table,) = island_tables(facts)
+    assert "2 islands in 1 joined group," in table.title and len(table.rows) == 2
+    fit, misfit = fit_facts(compare(result, scene).zernike_fit), misfit_facts(result.misfit())
+    assert quality_warnings(facts, misfit, fit, False) == []
+
+
+def test_pistons_that_are_unknown_are_told():
+    result, scene = in_halves(7)
+    facts = island_facts(result, compare(result, scene).error_mm)
+    assert (facts["count"], facts["groups"]) == (2, 2)
+    assert facts["pixels_in_heights"] == facts["largest"][0]["pixels"] < result.pixels_used
+    assert not facts["largest"][1]["piston_known"] and np.isnan(facts["largest"][1]["piston_standard_error_nm"])
+    assert island_tables(facts)[0].rows[1][3] == "unknown"
+    fit, misfit = fit_facts(compare(result, scene).zernike_fit), misfit_facts(result.misfit())
+    text = "\n".join(quality_warnings(facts, misfit, fit, True))
+    assert "2 islands in 2 groups whose pistons against each other are unknown" in text
+    assert fit["dropped"] and f"from Noll {fit['dropped'][0]} on (--zernike annular can): left out" in text
+    suspicious = misfit | {"suspicious": True, "urad_rms": 5.0, "limit_urad_rms": 1.0}
+    told = quality_warnings(facts, suspicious, fit, False)
+    assert "5 urad rms of the slopes belong to no surface (limit 1)" in told[1] and len(told) == 3
+
+
+def test_terms_that_cannot_be_told_apart_have_no_number(report):
+    rows = [row for row in report["zernike"] if row["noll"] <= 8]
+    lost = {"noll": 38, "input_um": 0.1, "output_um": np.nan, "standard_error_um": np.nan, "expected_um": np.nan,
+            "inflation": np.inf}  # fmt: skip
+    moved = [row | {"expected_um": row["input_um"] + 0.01} for row in rows]
+    table = summary_tables(report | {"zernike": [*moved, lost]})[-1]
+    assert table.head == ("term", "in [um]", "of it over the pixels [um]", "out [um]", "difference [nm]")
+    assert table.rows[-1] == ("38", "0.1000", "-", "not separable", "-")
 
 
 def test_paths_with_their_focus_and_blur():

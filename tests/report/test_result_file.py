@@ -90,6 +90,8 @@ DATASETS = {  # name: unit, shape with 21 lines of a detector of 15 x 15 pixels
     "mirror/y_mm": ("mm", (15, 15)),
     "mask": ("1", (15, 15)),
     "flags": ("1", (15, 15)),
+    "islands": ("1", (15, 15)),
+    "island_groups": ("1", (15, 15)),
     "centroid/x_mm": ("mm", (15, 15)),
     "centroid/y_mm": ("mm", (15, 15)),
     "slope/x_rad": ("rad", (15, 15)),

@@ -28,7 +28,8 @@ def noise_gain(
     """Noise gain of ``method`` on these nodes, from ``draws`` maps of Gaussian noise.
 
     The noise of dz/dx and dz/dy is independent, also between nodes, and 1 urad rms each. Piston and tilt are removed
-    once over all nodes of the mask, not for each island. x_mm, y_mm, mask: [rows, columns], see `integrate_slopes`.
+    once over all nodes of the mask, not for each island; islands are not joined. x_mm, y_mm, mask: [rows, columns], see
+    `integrate_slopes`.
 
     Raises ValueError for fewer than 2 draws or 3 nodes, and the errors of `integrate_slopes`.
     """
@@ -39,7 +40,7 @@ def noise_gain(
     squares: list[float] = []
     while len(squares) < draws:
         slope_x, slope_y = random.standard_normal((2, min(_AT_ONCE, draws - len(squares)), *mask.shape))
-        for height in integrate_slopes(x_mm, y_mm, slope_x, slope_y, mask, method):
+        for height in integrate_slopes(x_mm, y_mm, slope_x, slope_y, mask, method, join=False):
             squares.append(rms(remove_terms(x_mm, y_mm, height, mask, "piston_tilt"), mask) ** 2)
     gain = np.sqrt(np.mean(squares))  # mm per rad is nm per urad
     return NoiseGain(float(gain), float(np.std(squares, ddof=1) / np.sqrt(draws) / (2 * gain)))

@@ -1,4 +1,4 @@
-"""Zernike polynomials on the unit disk: numbering, values, gradients, device tables, least-squares fit.
+"""Zernike polynomials on the unit disk: values and gradients.
 
 Coordinates are dimensionless (position over pupil radius). Values are always Noll-normalised (rms 1 over the
 unit disk) for any numbering. ``m > 0`` is a cosine term, ``m < 0`` a sine term, the angle counted
@@ -20,15 +20,12 @@ recurrence.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from irtscots_cl.maths.zernike.indices import index_to_nm
 from irtscots_cl.system import interruption
-
-_RIM_TOLERANCE = 1e-12
 
 
 def normalisation(n: int, m: int) -> float:
@@ -71,44 +68,6 @@ def zernike_gradient(
     if m >= 0:
         return factor * along_x.real, factor * along_y.real
     return factor * along_x.imag, factor * along_y.imag
-
-
-def zernike_fit(
-    x: ArrayLike,
-    y: ArrayLike,
-    values: ArrayLike,
-    indices: Sequence[int],
-    ordering: str = "noll",
-    weights: ArrayLike | None = None,
-) -> NDArray[np.float64]:
-    """Least-squares coefficients [len(indices)] of Noll-normalised terms, in the order of ``indices``.
-
-    Minimises sum weights (values - fit)^2 over the samples that are finite, lie on the unit disk and have a
-    positive weight; weights are 1 by default (for noise use 1/variance). ``x``, ``y``, ``values`` and
-    ``weights`` broadcast together. The coefficients have the unit of ``values``.
-
-    Raises ValueError for no or invalid indices, negative or non-finite weights, fewer usable samples than
-    terms, or samples that cannot separate the terms.
-    """
-    if len(indices) == 0:
-        raise ValueError("a Zernike fit needs at least one index")
-    weights = np.asarray(1.0 if weights is None else weights, dtype=np.float64)
-    if not np.all(np.isfinite(weights) & (weights >= 0.0)):
-        raise ValueError("the weights of a Zernike fit must be finite and not negative")
-    samples = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (x, y, values)), weights)
-    x, y, values, weights = samples
-    usable = np.isfinite(x) & np.isfinite(y) & np.isfinite(values) & (weights > 0.0)
-    usable[usable] = np.hypot(x[usable], y[usable]) <= 1.0 + _RIM_TOLERANCE
-    count = np.count_nonzero(usable)
-    if count < len(indices):
-        raise ValueError(f"{len(indices)} Zernike terms cannot be fitted to {count} samples")
-    terms = [zernike(j, x[usable], y[usable], ordering) for j in indices]
-    root = np.sqrt(weights[usable])
-    solution: NDArray[np.float64]
-    solution, _, rank, _ = np.linalg.lstsq(np.stack(terms, axis=1) * root[:, None], values[usable] * root)
-    if rank < len(indices):
-        raise ValueError(f"the samples tell only {rank} of the {len(indices)} Zernike terms apart")
-    return solution
 
 
 def broadcast_points(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
