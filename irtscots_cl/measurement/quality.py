@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.curve_windows import line_pitch
 from irtscots_cl.measurement.light_curves import Flag
@@ -22,6 +23,7 @@ from irtscots_cl.optics.setup import Setup
 OK, WARNING, ERROR = "ok", "warning", "error"
 LEVELS = (OK, WARNING, ERROR)
 
+LINE_POSITION = 1e-3  # pitches: a pitch that is wrong by 1 % of a screen of 21 lines costs 190 nm
 GAIN = 0.02  # a frame whose brightness differs by more is named
 PROFILE = 0.02  # of the peak: largest mean difference of the curves from the modelled profile
 PLACE = 0.5  # lines: the light of the whole scan that far from the design's place is named
@@ -56,7 +58,7 @@ def check_images(stack: ImageStack, setup: Setup, estimates: tuple[ScanEstimate,
     """
     checks: list[Check] = []
     for estimate in estimates:
-        checks += _frames(estimate)
+        checks += [_lines(estimate, setup), *_frames(estimate)]
         checks += [_gains(estimate), _profile(estimate), _stray(estimate, setup)]
     checks.append(_saturation(stack, estimates))
     checks.append(_orientation(setup, estimates))
@@ -64,6 +66,21 @@ def check_images(stack: ImageStack, setup: Setup, estimates: tuple[ScanEstimate,
         checks += [_outline(stack, setup), *(_place(setup, estimate) for estimate in estimates)]
     checks.append(_used(setup, estimates))
     return checks
+
+
+def _lines(estimate: ScanEstimate, setup: Setup) -> Check:
+    """Positions in the file against the scene's screen; line_positions.py refuses those that are another line's."""
+    axis, pitch = estimate.scan.axis, setup.scene.screen.pitch_mm
+    off = estimate.scan.positions_mm - LineScan(setup.scene).positions_mm(axis)
+    value = float(np.abs(off).max()) / pitch
+    if value <= LINE_POSITION:
+        return Check(f"lines {axis}", OK, value, LINE_POSITION, 0.0, f"lines of the {axis} scan are the screen's")
+    scale = 1 + float(np.ptp(off)) / max(float(np.ptp(estimate.scan.positions_mm)), 1e-300)
+    text = (
+        f"lines of the {axis} scan lie up to {value * pitch:.3g} mm from those of the scene's screen (pitch "
+        f"{scale:.5g} times the scene's): the images' positions are used; mend the wrong one"
+    )
+    return Check(f"lines {axis}", WARNING, value, LINE_POSITION, 0.0, text)
 
 
 def _frames(estimate: ScanEstimate) -> list[Check]:

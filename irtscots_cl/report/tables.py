@@ -25,6 +25,9 @@ from irtscots_cl.report.types import (
 )
 
 
+CLEAR = 3.0  # standard errors: smaller coefficients are counted, not listed
+
+
 @dataclass(frozen=True)
 class Table:
     """A titled table of strings."""
@@ -171,13 +174,18 @@ def measured_tables(facts: MeasuredFacts) -> list[Table]:
     failed = [(c["name"], c["level"], c["text"]) for c in facts["checks"] if c["level"] != "ok"]
     passed = len(facts["checks"]) - len(failed)
     if failed:
-        tables.append(Table(f"Checks of the images: {passed} passed, these did not", ("check", "verdict", ""), failed))
+        tables.append(Table(f"Checks of the images: {passed} passed, these did not", ("check", "level", ""), failed))
     return tables
 
 
 def _coefficient_table(facts: MeasuredFacts) -> Table:
     fit = facts["zernike_fit"]
-    rows = [(str(t["noll"]), str(Estimate(t["output_um"], t["standard_error_um"]))) for t in facts["zernike"]]
+    terms = facts["zernike"]
+    # without errors all are shown; NaN is no small number
+    clear = [t for t in terms if not abs(t["output_um"]) < CLEAR * t["standard_error_um"]]
+    rows = [(str(t["noll"]), str(Estimate(t["output_um"], t["standard_error_um"]))) for t in clear]
+    if len(clear) < len(terms):
+        rows.append((f"{len(terms) - len(clear)} others", f"below {CLEAR:g} standard errors; all with --json"))
     rows += [("errors from", fit["standard_errors_from"]), ("condition", f"{fit['condition']:.3g}")]
     rows += [("left by the fit", f"{fit['residual_nm_rms']:.3g} nm rms")]
     return Table(f"Zernike coefficients ({_zernike_kind(fit)})", ("term", "[um]"), rows)
