@@ -20,6 +20,7 @@ from irtscots_cl.measurement.centroids import poisson_error
 from irtscots_cl.measurement.light_profiles import sampling_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.slopes import half_vector_slopes
+from irtscots_cl.measurement.systematic_error import SystematicError, systematic_error
 from irtscots_cl.optics.chief_rays import ChiefRays
 
 NOISE_DRAWS = 32  # maps of random slopes for the predicted height noise; its own error is a few percent
@@ -27,30 +28,55 @@ NOISE_DRAWS = 32  # maps of random slopes for the predicted height noise; its ow
 
 @dataclass(frozen=True)
 class PredictedError:
-    """Predicted rms errors: slopes [rad] as (x, y); heights [mm] with piston and tilt removed."""
+    """Predicted rms errors: slopes [rad] as (x, y); heights [mm] with piston and tilt removed.
+
+    systematic: of the whole measurement without noise, line sampling included; None where it was not asked for or has
+    no model, and then line sampling stands for it. rounding_height_mm: of the device's arithmetic. bound: the height is
+    no estimate but a bound, for the reasons in `why`.
+    """
 
     ray_noise_slope: tuple[float, float]
     line_sampling_slope: tuple[float, float]
     ray_noise_height_mm: float
     line_sampling_height_mm: float
+    systematic: SystematicError | None = None
+    rounding_height_mm: float = 0.0
+    unresolved_height_mm: float = 0.0
+    why: str = ""
+
+    @property
+    def bound(self) -> bool:
+        return bool(self.why)
 
     @property
     def slope(self) -> tuple[float, float]:
-        """Root sum square of both contributions, (x, y) in rad."""
-        x, y = np.hypot(self.ray_noise_slope, self.line_sampling_slope)
+        """Root sum square of all contributions, (x, y) in rad."""
+        steady = self.line_sampling_slope if self.systematic is None else self.systematic.slope
+        x, y = np.hypot(self.ray_noise_slope, steady)
         return float(x), float(y)
 
     @property
+    def systematic_height_mm(self) -> float:
+        """What is left without noise and with exact arithmetic, in mm."""
+        return self.line_sampling_height_mm if self.systematic is None else self.systematic.height_mm
+
+    @property
     def height_mm(self) -> float:
-        """Root sum square of both contributions, in mm."""
-        return float(np.hypot(self.ray_noise_height_mm, self.line_sampling_height_mm))
+        """Root sum square of all contributions, in mm."""
+        parts = (self.ray_noise_height_mm, self.systematic_height_mm, self.rounding_height_mm,
+                 self.unresolved_height_mm)  # fmt: skip
+        return float(np.linalg.norm(parts))
 
 
-def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
-    """Predict the slope and height errors of a reconstruction from its own light curves.
+def predict_error(
+    result: Reconstruction, stack: ImageStack, *, systematic: bool = True, rounding_height_mm: float = 0.0
+) -> PredictedError:
+    """Predict the slope and height errors of a reconstruction from the design and from its own light curves.
 
     Ray noise comes from counting statistics of each curve's rays if these are independent, and from the scatter of the
-    replicates for other samplers and for lab images. The prediction is NaN if neither is available.
+    replicates for other samplers and for lab images. The prediction is NaN if neither is available. systematic: also
+    predict what is left without noise (systematic_error.py), which costs about as much as the measurement; false:
+    line sampling alone. rounding_height_mm: of the trace's arithmetic, for a simulation.
     """
     chief = result.setup.chief_rays
     scale = _slope_per_mm(chief, result)
@@ -66,11 +92,14 @@ def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
     known = all(np.isfinite(part[mask]).any() for part in noise)
     draws = [np.nan_to_num(part) * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
     heights = _heights(result, draws[0], draws[1])
+    steady = systematic_error(result, stack, np.stack(heights) if known else None) if systematic else None
     return PredictedError(
         (rms(noise[0], mask), rms(noise[1], mask)) if known else (np.nan, np.nan),
         (rms(bias[0], mask), rms(bias[1], mask)),
         float(np.sqrt(np.mean([rms(h, mask) ** 2 for h in heights]))) if known else np.nan,
         rms(_heights(result, *bias)[0], mask),
+        steady,
+        rounding_height_mm,
     )
 
 
@@ -79,7 +108,7 @@ def _line_sampling(result: Reconstruction, scan: Scan) -> FloatArray:
     left = np.where(result.mask, 0.0, np.nan)
     if result.light_curve != "centroid" or result.updates_nm:
         return left
-    light, axis = result.setup.pixel_response, "xy".index(scan.axis)
+    light, axis = result.setup.pixel_light, "xy".index(scan.axis)
     centroid = (result.centroid_x_mm, result.centroid_y_mm)[axis].ravel()[light.pixels]
     left.ravel()[light.pixels] += np.nan_to_num(sampling_error(scan.positions_mm, light, "uv"[axis], centroid))
     return left

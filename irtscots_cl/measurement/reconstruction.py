@@ -33,7 +33,8 @@ class Reconstruction:
     flags: light_curves.Flag, the worse of the two scans (pixels without a light curve: EMPTY). centroid_x_mm,
     centroid_y_mm: in the screen's frame. slope_x, slope_y [rad]: of the whole surface. height_mm: design plus
     deviation; deviation_mm: from the design, zero mean over the mask. light_curve, method, pixel_average: arguments of
-    reconstruct. updates_nm: rms change of each round of refinement. jackknife_*: [replicates, rows, columns], the same
+    reconstruct. updates_nm: rms change of each round of refinement; converged: whether the last one was below refine's
+    tolerance, None without refinement. jackknife_*: [replicates, rows, columns], the same
     maps with one replicate left out in turn, for error bars.
     """
 
@@ -56,6 +57,7 @@ class Reconstruction:
     jackknife_slope_y: FloatArray = field(repr=False)
     jackknife_deviation_mm: FloatArray = field(repr=False)
     updates_nm: tuple[float, ...] = ()
+    converged: bool | None = None
 
     @property
     def nominal(self) -> Scene:
@@ -65,6 +67,20 @@ class Reconstruction:
     @property
     def pixels_used(self) -> int:
         return int(self.mask.sum())
+
+    def light_traced(self) -> BoolArray:
+        """Pixels [rows, columns] of the mask whose light has no closed form: traced rays replace it."""
+        return self._of_light(~self.setup.pixel_light.closed_form & self.setup.pixel_light.valid())
+
+    def without_model(self) -> BoolArray:
+        """Pixels [rows, columns] of the mask whose light is not known at all: they keep the plain centroid."""
+        return self._of_light(~self.setup.pixel_light.valid())
+
+    def _of_light(self, chosen: BoolArray) -> BoolArray:
+        on_grid = np.zeros(self.mask.size, bool)
+        on_grid[self.setup.pixel_light.pixels[chosen]] = True
+        found: BoolArray = on_grid.reshape(self.mask.shape) & self.mask
+        return found
 
     def refused(self) -> dict[str, int]:
         """Number of pixels on the mirror with an unusable light curve, by the flag's name."""
@@ -175,7 +191,7 @@ def _measured(
     on_grid = np.full((len(curves), scan.shape[0] * scan.shape[1]), np.nan)
     found = centroids(scan, curves, threshold)
     if light_curve == "chord":  # one shift for all replicates: it varies by percents only
-        found = found + (profile_centroids(scan, setup.pixel_response, found[0], threshold) - found[0])
+        found = found + (profile_centroids(scan, setup.pixel_light, found[0], threshold) - found[0])
     on_grid[:, scan.pixels] = found
     half_width, box_row, box_column = setup.chief_rays.light_shape("xy".index(scan.axis))
     reach = (half_width + (box_row + box_column) / 2).ravel()[scan.pixels]
@@ -187,9 +203,9 @@ def _measured(
 def design_points(setup: Setup) -> list[FloatArray]:
     """Mirror point x, y and screen point u, v [rows, columns] in mm of each pixel's light, were the mirror the design.
 
-    They come from the closed form of the light, or from the mean of the chief rays for pixels without a closed form.
+    They come from the model of the light, or from the mean of the chief rays for pixels without one.
     """
-    light, footprint = setup.pixel_response, setup.chief_rays.footprint
+    light, footprint = setup.pixel_light, setup.chief_rays.footprint
     points = [v.copy() for v in (footprint.x_mm, footprint.y_mm, footprint.u_mm, footprint.v_mm)]
     means = light.means("xyuv")
     use = light.valid() & np.isfinite(means).all(0)

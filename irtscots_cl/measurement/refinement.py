@@ -1,7 +1,7 @@
 """Refinement of a measured surface by a model: simulate it, compare the light curves, correct it, and repeat.
 
 Zernike polynomials are fitted to the measured surface. The model is the scene with this surface; its light curves
-follow in closed form. Differences between measured and modelled centroids are slopes that the model lacks. Only these
+follow in closed form, or from traced light where that does not hold. Differences between measured and modelled centroids are slopes that the model lacks. Only these
 small differences go through triangulation and integration. So the neglected effects (averaging over a pixel, partly
 lit pixels at the edge, second-order geometry, sampling by lines) act only on the differences. This is Gauss-Newton on
 the slopes.
@@ -24,7 +24,7 @@ from irtscots_cl.measurement.light_profiles import sampled_centroids
 from irtscots_cl.measurement.reconstruction import Reconstruction, triangulated
 from irtscots_cl.measurement.slopes import deconvolve_pixel
 from irtscots_cl.optics.chief_rays import ChiefRays
-from irtscots_cl.optics.pixel.response import PixelResponse
+from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 
@@ -37,7 +37,8 @@ def refine(
 ) -> Reconstruction:
     """Refine a reconstruction of the stack until a round changes less than tolerance_nm rms, at most `rounds` times.
 
-    updates_nm of the result contains each round's change, without piston and tilt. Pixels without light in the model
+    updates_nm of the result contains each round's change, without piston and tilt; converged says whether the last one
+    was below tolerance_nm. Pixels without light in the model
     keep their slopes. No threshold is applied to the light curves: the centroid of a curve cut at a threshold jumps as
     the light moves, and the rounds would not converge.
     """
@@ -48,8 +49,9 @@ def refine(
             result.x_mm, result.y_mm, refined.deviation_mm - result.deviation_mm, result.mask, "piston_tilt"
         )
         update = rms(change, result.mask) * 1e6
-        result = dataclasses.replace(refined, updates_nm=(*result.updates_nm, update))
-        if update < tolerance_nm:
+        converged = update < tolerance_nm
+        result = dataclasses.replace(refined, updates_nm=(*result.updates_nm, update), converged=converged)
+        if converged:
             break
     return result
 
@@ -82,7 +84,7 @@ def _round(result: Reconstruction, stack: ImageStack, fit: FloatArray) -> Recons
     scene, mask = modelled(result, fit), result.mask
     chief = ChiefRays(scene)
     pixels = np.flatnonzero(mask)
-    light = PixelResponse.of(chief, pixels)
+    light = PixelLight.of(chief, pixels)
     means = light.means("uv")
     model = [np.full(mask.shape, np.nan) for _ in "uv"]
     residual = []

@@ -6,6 +6,7 @@ from functools import cached_property
 
 from irtscots_cl.optics.aim import Aim, find_camera_aim, find_mirror_aim
 from irtscots_cl.optics.chief_rays import ChiefRays, trace_chief_rays
+from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.optics.screen_windows import Windows, place_windows
 from irtscots_cl.scene.model import Scene
@@ -39,6 +40,11 @@ class Setup:
     @cached_property
     def pixel_response(self) -> PixelResponse:
         return PixelResponse.of(self.chief_rays)
+
+    @cached_property
+    def pixel_light(self) -> PixelLight:
+        """As pixel_response, with traced light where the closed form does not hold."""
+        return PixelLight.around(self.pixel_response)
 
     @cached_property
     def mirror_aim(self) -> Aim:

@@ -1,0 +1,169 @@
+"""The systematic error of a measurement, predicted from its own result: a parametric bootstrap.
+
+The measured surface is taken as if it were the truth. Its light curves without noise are computed on the scan's lines
+and measured by the same method; what comes out differs from the known surface by the errors of all steps: sampling by
+lines, averaging over pixels, pixels at the edge, integration, coupling of the height, what refinement leaves. The true
+surface, which differs little from the measured one, has nearly the same error map. Neither is the truth needed, nor
+noise.
+
+Source: B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap (1993), sections 6.5 and 10.2 (bias).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from irtscots_cl.imaging.image_stack import ImageStack, Scan
+from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.low_order import remove_terms, rms
+from irtscots_cl.measurement.reconstruction import Reconstruction, reconstruct
+from irtscots_cl.measurement.refinement import _fit, modelled, refine
+from irtscots_cl.optics.pixel.light import PixelLight
+from irtscots_cl.optics.surface import Surface
+from irtscots_cl.optics.surface_map import MappedChiefRays, PixelMap
+from irtscots_cl.scene.model import Scene
+
+PASSES = 3  # at most
+NOISE_MAPS = 4
+FINE = 0.3  # of the error: fine structure that is smaller cannot change it by more than 5 %
+LARGE = 0.1  # of the deviation: a larger error is worth a second pass, with the error taken off the surface
+SETTLED = 0.15  # relative change of the error's rms between passes
+
+
+@dataclass(frozen=True)
+class SystematicError:
+    """A predicted error map, without noise. slope: rms (x, y) in rad. height_mm: rms, piston and tilt removed.
+
+    error_mm: [rows, columns] the heights' error, NaN for pixels that the model lacks. settled: whether a further pass
+    would change the rms little; if not, height_mm is the larger of the last two. lost: pixels of the mask that the
+    model lacks.
+    """
+
+    slope: tuple[float, float]
+    height_mm: float
+    error_mm: FloatArray = field(repr=False)
+    settled: bool
+    lost: int
+
+
+def systematic_error(
+    result: Reconstruction, stack: ImageStack, noise_mm: FloatArray | None = None
+) -> SystematicError | None:
+    """Predict the systematic error of a reconstruction of the stack; None if the model has too few pixels.
+
+    noise_mm: [draws, rows, columns] height maps of the size of the ray noise, which tell what part of the fine
+    structure is noise; None without noise.
+    """
+    fit, target = _fit(result), result.deviation_mm
+    found: SystematicError | None = None
+    for _ in range(PASSES):
+        known = _zernike_surface(result, fit, target)
+        fine = None
+        if found is not None:
+            fine = _fine_structure(result, fit, known, target, noise_mm, FINE * found.height_mm)
+            if fine is None and not _large(result, found):
+                break
+        last, found = found, _measured_again(result, stack, known, fine)
+        if found is None:
+            return last
+        if last is not None:
+            settled = abs(found.height_mm - last.height_mm) <= SETTLED * found.height_mm
+            found = dataclasses.replace(found, settled=settled)
+            if settled:
+                break
+        target = result.deviation_mm - np.nan_to_num(found.error_mm)  # nearer to the truth
+    return found
+
+
+def _large(result: Reconstruction, found: SystematicError) -> bool:
+    left = remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, "piston_tilt")
+    return found.height_mm > LARGE * rms(left, result.mask)
+
+
+def _zernike_surface(result: Reconstruction, fit: FloatArray, target_mm: FloatArray) -> Scene:
+    """The design with the Zernike terms of a deviation [rows, columns]."""
+    return modelled(dataclasses.replace(result, deviation_mm=target_mm), fit)
+
+
+def _fine_structure(
+    result: Reconstruction,
+    fit: FloatArray,
+    known: Scene,
+    target_mm: FloatArray,
+    noise_mm: FloatArray | None,
+    limit_mm: float,
+) -> FloatArray | None:
+    """What the Zernike terms lack of a deviation, freed of noise, [rows, columns] in mm; None if below limit_mm rms."""
+    fine = target_mm - Surface.of(known.mirror).deviation_at(result.x_mm, result.y_mm)[0]
+    total, noise = rms(fine, result.mask) ** 2, 0.0
+    for draw in () if noise_mm is None else noise_mm[:NOISE_MAPS]:
+        own = Surface.of(_zernike_surface(result, fit, draw).mirror).deviation_at(result.x_mm, result.y_mm)[0]
+        noise += rms(draw - own, result.mask) ** 2 / min(len(noise_mm), NOISE_MAPS)
+    signal = total - noise
+    if signal <= limit_mm**2:
+        return None
+    scaled: FloatArray = fine * (signal / total)  # Wiener's factor
+    return scaled
+
+
+def _measured_again(
+    result: Reconstruction, stack: ImageStack, known: Scene, fine: FloatArray | None
+) -> SystematicError | None:
+    """The error of the same measurement on a known surface: a scene's, plus a map [rows, columns] in mm."""
+    design, mask, x, y = result.setup.chief_rays, result.mask, result.x_mm, result.y_mm
+    extra = None if fine is None else PixelMap.of(design, np.where(mask, fine, np.nan))
+    chief = MappedChiefRays(known, extra)
+    try:
+        again = same_measurement(result, noise_free_stack(PixelLight.of(chief, np.flatnonzero(mask)), stack))
+    except ValueError:  # too few pixels have light in the model
+        return None
+    both = mask & again.mask
+    truth = chief.surface.deviation_at(x, y)[0] + (0.0 if fine is None else fine)
+    slopes = chief.surface.gradient(np.where(both, x, 0.0), np.where(both, y, 0.0))
+    error = remove_terms(x, y, again.deviation_mm - truth, both, "piston_tilt")
+    found = (again.slope_x - slopes[0], again.slope_y - slopes[1])
+    return SystematicError(
+        (rms(found[0], both), rms(found[1], both)), rms(error, both), error, True, int(np.sum(mask & ~both))
+    )
+
+
+def noise_free_stack(light: PixelLight, stack: ImageStack) -> ImageStack:
+    """Images of modelled light, in arbitrary units, of the light's pixels on the stack's lines. Pixels whose light is
+    not known are dark."""
+    return ImageStack(_noise_free(light, stack.x), _noise_free(light, stack.y))
+
+
+def _noise_free(light: PixelLight, scan: Scan) -> Scan:
+    _, index, ours = np.intersect1d(scan.pixels, light.pixels, assume_unique=True, return_indices=True)
+    pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else light.chief.scene.screen.pitch_mm
+    first, window = scan.first_line[index], scan.flux_w.shape[-1]
+    edges = scan.positions_mm[0] + pitch * (first[:, None] + np.arange(window + 1) - 0.5)
+    flux = np.zeros((len(light.pixels), window))
+    on_all = np.zeros((len(light.pixels), window + 1))
+    on_all[ours] = edges
+    flux = light.light("uv"["xy".index(scan.axis)], on_all)[ours]
+    flux = np.where(light.valid()[ours][:, None], np.maximum(flux, 0.0), 0.0)
+    return dataclasses.replace(
+        scan,
+        pixels=scan.pixels[index],
+        first_line=first,
+        flux_w=np.nan_to_num(flux)[None],
+        weights=np.ones(1),
+        hits=np.full(len(index), np.inf),
+        saturation_w=np.inf,
+    )
+
+
+def same_measurement(result: Reconstruction, stack: ImageStack) -> Reconstruction:
+    """Another stack of the same test, measured as the result was."""
+    again = reconstruct(
+        stack,
+        result.setup,
+        light_curve=result.light_curve,
+        method=result.method,
+        pixel_average=result.pixel_average,
+    )
+    return refine(again, stack, rounds=len(result.updates_nm)) if result.updates_nm else again
