@@ -11,6 +11,8 @@ from functools import cached_property, lru_cache
 
 import pyopencl as cl
 
+from irtscots_cl.opencl.pocl_processor import name_processor
+
 ENVIRONMENT = "IRTSCOTS_DEVICE"
 ALL = "all"  # every usable device of this machine
 HINT = "install one: pip install 'pyopencl[pocl]' (CPU, Linux x86-64), or your GPU vendor's OpenCL driver"
@@ -119,9 +121,12 @@ def all_devices() -> tuple[Device, ...]:
     found = []
     for p, platform in enumerate(platforms):
         try:
-            found += [Device(device, f"{p}:{d}") for d, device in enumerate(platform.get_devices())]
+            devices = platform.get_devices()
         except cl.Error:  # a platform without a device reports an error
             continue
+        for d, device in enumerate(devices):
+            name_processor(device)
+            found.append(Device(device, f"{p}:{d}"))
     return tuple(found)
 
 
