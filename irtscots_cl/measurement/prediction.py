@@ -23,6 +23,7 @@ from irtscots_cl.measurement.slopes import half_vector_slopes
 from irtscots_cl.measurement.systematic_error import SystematicError, systematic_error
 from irtscots_cl.optics.chief_rays import ChiefRays
 
+LOST_SHARE = 0.02  # of the pixels: as many without a model leave the rms as it is
 NOISE_DRAWS = 32  # maps of random slopes for the predicted height noise; its own error is a few percent
 
 
@@ -92,6 +93,7 @@ def predict_error(
     known = all(np.isfinite(part[mask]).any() for part in noise)
     draws = [np.nan_to_num(part) * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
     heights = _heights(result, draws[0], draws[1])
+    unresolved = _unresolved(result, stack, scale)
     steady = systematic_error(result, stack, np.stack(heights) if known else None) if systematic else None
     return PredictedError(
         (rms(noise[0], mask), rms(noise[1], mask)) if known else (np.nan, np.nan),
@@ -100,7 +102,43 @@ def predict_error(
         rms(_heights(result, *bias)[0], mask),
         steady,
         rounding_height_mm,
+        unresolved,
+        _why_bound(result, steady, unresolved) if systematic else "",
     )
+
+
+def _why_bound(result: Reconstruction, steady: SystematicError | None, unresolved_mm: float) -> str:
+    """Why the predicted height is a bound and no estimate; "" for an estimate."""
+    reasons = []
+    if unresolved_mm > 0:
+        reasons.append("light narrower than the lines")
+    if steady is None or steady.lost > LOST_SHARE * result.pixels_used:
+        reasons.append("pixels without a model")
+    if steady is not None and not steady.settled:
+        reasons.append("the measured surface does not explain its own images")
+    return ", ".join(reasons)
+
+
+def _unresolved(result: Reconstruction, stack: ImageStack, scale: list[FloatArray]) -> float:
+    """Rms height in mm, piston and tilt removed, that light narrower than a line may hide; 0 if it hides nothing.
+
+    A line does not tell where in it such light falls: the slopes are uncertain by the rest of the line's width, evenly.
+    All pixels may err alike where their light covers no more than a line together, and then as power, which makes the
+    most height; over many lines such errors alternate.
+    """
+    light, mask, slopes = result.setup.pixel_light, result.mask, []
+    x, y = (np.where(mask, v - np.mean(v[mask]), 0.0) for v in (result.x_mm, result.y_mm))
+    radius = np.hypot(x, y).max() or 1.0
+    found = ((result.centroid_x_mm, x), (result.centroid_y_mm, y))
+    for k, (scan, (centroid, place)) in enumerate(zip((stack.x, stack.y), found, strict=True)):
+        pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else 0.0
+        extent = np.full(mask.size, np.nan)
+        extent[light.pixels] = 2 * light.extent("uv"[k])[1]
+        rest = np.maximum(np.nan_to_num(pitch - extent.reshape(mask.shape)), 0.0)
+        alike = min(1.0, pitch / max(float(np.ptp(centroid[mask])), 1e-12))
+        # rms of a slope that grows evenly from the middle of a disk is half of the rim's
+        slopes.append(np.where(mask, rest / np.sqrt(12) * scale[k] * alike * 2 * place / radius, 0.0))
+    return rms(_heights(result, *slopes)[0], mask) if np.any(slopes) else 0.0
 
 
 def _line_sampling(result: Reconstruction, scan: Scan) -> FloatArray:

@@ -56,14 +56,15 @@ def refine(
     return result
 
 
-def _fit(result: Reconstruction) -> FloatArray:
+def _fit(
+    result: Reconstruction, order: int = MODEL_ORDER, pixels_per_term: int = PIXELS_PER_TERM
+) -> FloatArray:
     """Matrix [terms, pixels used] from heights to coefficients of Noll terms 1, 2, ... by least squares over the mask.
 
     It uses normal equations: the terms are nearly orthogonal over a mirror. Combinations of terms that the mask cannot
-    separate are omitted.
+    separate are omitted. order: the highest radial order; lower where a term would have fewer pixels.
     """
-    order = MODEL_ORDER
-    while (order + 1) * (order + 2) // 2 * PIXELS_PER_TERM > result.pixels_used and order > 1:
+    while (order + 1) * (order + 2) // 2 * pixels_per_term > result.pixels_used and order > 1:
         order -= 1
     radius = result.nominal.mirror.diameter_mm / 2
     x, y = result.x_mm[result.mask] / radius, result.y_mm[result.mask] / radius

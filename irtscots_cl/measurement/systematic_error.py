@@ -26,9 +26,10 @@ from irtscots_cl.optics.surface import Surface
 from irtscots_cl.optics.surface_map import MappedChiefRays, PixelMap
 from irtscots_cl.scene.model import Scene
 
-PASSES = 3  # at most
+PASSES = 3  # at most, of taking a large error off the surface
+FINE_ORDER, FINE_PIXELS = 28, 3  # Zernike terms for a surface with fine structure: radial order, pixels for each
 NOISE_MAPS = 4
-FINE = 0.3  # of the error: fine structure that is smaller cannot change it by more than 5 %
+FINE = 0.3  # of the error and the noise together: smaller fine structure cannot change them by more than 5 %
 LARGE = 0.1  # of the deviation: a larger error is worth a second pass, with the error taken off the surface
 SETTLED = 0.15  # relative change of the error's rms between passes
 
@@ -57,25 +58,74 @@ def systematic_error(
     noise_mm: [draws, rows, columns] height maps of the size of the ray noise, which tell what part of the fine
     structure is noise; None without noise.
     """
-    fit, target = _fit(result), result.deviation_mm
-    found: SystematicError | None = None
+    finer = _finer(result, stack)
+    own, best = finer is result, np.where(finer.mask, finer.deviation_mm, result.deviation_mm)
+    fit, target = _fit(result), best
+    noise = 0.0 if noise_mm is None else float(np.sqrt(np.mean([rms(draw, result.mask) ** 2 for draw in noise_mm])))
+    limit = FINE * noise
+    found = _measured_again(result, stack, _zernike_surface(result, fit, target), None)
+    if found is None:
+        return None
+    fine = _fine_structure(result, fit, target, noise_mm, float(np.hypot(FINE * found.height_mm, limit)))
+    if fine is not None:
+        fit = _fit(result, FINE_ORDER, FINE_PIXELS)
+        return _of_fine_structure(result, finer, stack, fit, noise_mm, float(np.hypot(FINE * found.height_mm, limit)))
     for _ in range(PASSES):
-        known = _zernike_surface(result, fit, target)
-        fine = None
-        if found is not None:
-            fine = _fine_structure(result, fit, known, target, noise_mm, FINE * found.height_mm)
-            if fine is None and not _large(result, found):
-                break
-        last, found = found, _measured_again(result, stack, known, fine)
-        if found is None:
-            return last
-        if last is not None:
-            settled = abs(found.height_mm - last.height_mm) <= SETTLED * found.height_mm
-            found = dataclasses.replace(found, settled=settled)
-            if settled:
-                break
-        target = result.deviation_mm - np.nan_to_num(found.error_mm)  # nearer to the truth
+        if not (own and found.height_mm > limit and _large(result, found)):
+            break
+        target = best - np.nan_to_num(found.error_mm)  # nearer to the truth
+        last, again = found, _measured_again(result, stack, _zernike_surface(result, fit, target), None)
+        if again is None:
+            break
+        found = _settled(last, again, noise)
+        if found.settled:
+            break
     return found
+
+
+def _settled(first: SystematicError, second: SystematicError, noise_mm: float) -> SystematicError:
+    """The second of two predictions if they hardly differ beside the noise; else the larger one, as not settled."""
+    if abs(second.height_mm - first.height_mm) <= SETTLED * np.hypot(second.height_mm, noise_mm):
+        return second
+    return dataclasses.replace(max(first, second, key=lambda error: error.height_mm), settled=False)
+
+
+def _of_fine_structure(
+    result: Reconstruction,
+    finer: Reconstruction,
+    stack: ImageStack,
+    fit: FloatArray,
+    noise_mm: FloatArray | None,
+    limit_mm: float,
+) -> SystematicError | None:
+    """The error on a mirror with structure near the limit of the pixels.
+
+    The measured surface shows such structure too weak, so the error comes out too small; taking the finer measurement's
+    own error off brings it back, but overdoes it at the edge. Both are tried.
+    """
+    noise = 0.0 if noise_mm is None else float(np.sqrt(np.mean([rms(draw, result.mask) ** 2 for draw in noise_mm])))
+    best = np.where(finer.mask, finer.deviation_mm, result.deviation_mm)
+
+    def measured(how: Reconstruction, target: FloatArray) -> SystematicError | None:
+        left = _fine_structure(result, fit, target, noise_mm, limit_mm)
+        return _measured_again(how, stack, _zernike_surface(result, fit, target), left)
+
+    first = measured(result, best)
+    off = first if finer is result else measured(finer, best)
+    if first is None or off is None:
+        return None
+    second = measured(result, best - np.nan_to_num(off.error_mm))
+    return first if second is None else _settled(first, second, noise)
+
+
+def _finer(result: Reconstruction, stack: ImageStack) -> Reconstruction:
+    """The measurement that comes nearest to the truth: the result, or for plain centroids one with more exact steps."""
+    if result.light_curve != "centroid" or result.updates_nm:
+        return result
+    try:
+        return reconstruct(stack, result.setup, light_curve="chord", method="cubic", pixel_average=False)
+    except ValueError:  # of cubic: neighbours at one place
+        return result
 
 
 def _large(result: Reconstruction, found: SystematicError) -> bool:
@@ -91,12 +141,12 @@ def _zernike_surface(result: Reconstruction, fit: FloatArray, target_mm: FloatAr
 def _fine_structure(
     result: Reconstruction,
     fit: FloatArray,
-    known: Scene,
     target_mm: FloatArray,
     noise_mm: FloatArray | None,
     limit_mm: float,
 ) -> FloatArray | None:
     """What the Zernike terms lack of a deviation, freed of noise, [rows, columns] in mm; None if below limit_mm rms."""
+    known = _zernike_surface(result, fit, target_mm)
     fine = target_mm - Surface.of(known.mirror).deviation_at(result.x_mm, result.y_mm)[0]
     total, noise = rms(fine, result.mask) ** 2, 0.0
     for draw in () if noise_mm is None else noise_mm[:NOISE_MAPS]:

@@ -23,6 +23,8 @@ MAX_RESIDUAL = 1e-3  # of the rms width of a pixel's light: largest residual of 
 NODES = 256  # intervals of a pixel's light that its distribution is stored for
 CUT_CELLS = 12  # per axis, of a pixel that the rim crosses
 PIECES = 6  # of a chord
+HELD_BACK = np.array([1e-12, 1e-12, 1e-11, 1e-9, 1e-7])  # of each power, relative to the fit's rays
+GOLDEN = (5**0.5 - 1) / 2
 MAX_CHORDS, MAX_GAUSS = 28, 9
 LATTICE = (233, 144)  # Fibonacci numbers: points over pixels whose light spreads over many lines, and the generator
 FLOOR = 1e-4  # of a pixel's light: a piece's shortest interval, which keeps differences of sums exact
@@ -141,10 +143,7 @@ class TracedLight:
         row, column = np.divmod(self.pixels[index], self.chief.shape[1])
         values = _traced(self.chief, row, column)
         seen = np.isfinite(values).all((0, 1))
-        coefficient = np.tensordot(_FIT, np.where(seen, values, 0.0), 1)  # [terms, outputs, n]
-        left = np.where(seen, values, 0.0)[:, :2] - np.tensordot(_AT_POINTS, coefficient[:, :2], 1)
-        residual = np.sqrt(np.mean(left**2, 0) * FIT_RAYS / (FIT_RAYS - len(_POWERS)))  # [2, n]
-        self.good[index] = seen & (residual <= MAX_RESIDUAL * values[:, :2].std(0)).all(0)
+        values = np.where(seen, values, 0.0)
         radius = np.hypot(values[:, 2], values[:, 3])
         surface = self.chief.surface
         margin = 0.1 * np.ptp(radius, axis=0)
@@ -154,6 +153,20 @@ class TracedLight:
             # beside the mirror altogether, or wholly in the hole: no light
             dark = (radius.min(0) - margin > surface.aperture_radius_mm)
             dark |= radius.max(0) + margin < surface.obscuration_radius_mm
+        coefficient = np.tensordot(_FIT, values, 1)  # [terms, outputs, n]
+        counts = np.ones(values[:, 0].shape)
+        edge = np.flatnonzero(seen & ~whole & ~dark)
+        if edge.size:
+            # beside the mirror its polynomials may grow fast: only rays on it, and a little beside it, count
+            near = (radius <= surface.aperture_radius_mm + margin / 2)
+            near &= radius >= surface.obscuration_radius_mm - margin / 2
+            counts[:, edge] = near[:, edge]
+            coefficient[:, :2, edge] = _weighted_fit(values[:, :2, edge], counts[:, edge])
+        left = (values[:, :2] - np.tensordot(_AT_POINTS, coefficient[:, :2], 1)) * counts[:, None]
+        number = counts.sum(0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            residual = np.sqrt(np.sum(left**2, 0) / np.maximum(number - len(_POWERS), number / 3))  # [2, n]
+            self.good[index] = seen & (residual <= MAX_RESIDUAL * values[:, :2].std(0)).all(0)
         shape = self._shape(coefficient)
         for chosen, cut in ((seen & whole, False), (seen & ~whole & ~dark, True)):
             for turn in range(4):
@@ -210,17 +223,18 @@ class TracedLight:
         s, t, of_pixel = self._pixel_points(coefficient, k, cut)
         lines = int(np.clip(np.ceil(self._reach(coefficient, k, 2, 3) / 2) + 10, 12, MAX_CHORDS))
         if len(s) > MAX_GAUSS**2:
-            lines = 10  # the many points of the pixel smooth the light already
-        node, weight = np.polynomial.legendre.leggauss(lines)
-        across, half = np.sin(np.pi / 2 * node), np.cos(np.pi / 2 * node)
-        of_chord = weight * half**2  # integral of 2 cos^2 over the disk's area pi, times pi / 2
-        along = half[:, None] * np.linspace(-1.0, 1.0, 2 * PIECES + 1)
+            lines = 8  # the many points of the pixel smooth the light already
+        # equally spaced angles integrate a function of period pi; each point of the pixel has its own offset, so that
+        # no place of the screen is where many chords end
+        offset = (np.arange(1, len(s) + 1) * GOLDEN) % 1.0
+        place = np.pi * ((np.arange(lines) + offset[:, None]) / lines - 0.5)  # [pixel points, chords]
+        across, half = np.sin(place)[..., None], np.cos(place)[..., None]
+        along = half * np.linspace(-1.0, 1.0, 2 * PIECES + 1)
         angle = np.pi / 4 * turn
-        a = along * np.cos(angle) - across[:, None] * np.sin(angle)
-        b = along * np.sin(angle) + across[:, None] * np.cos(angle)
-        shape = (len(s), *a.shape)
-        places = [np.broadcast_to(v, shape).ravel() for v in (s[:, None, None], t[:, None, None], a, b)]
-        return np.stack(places, 1), np.multiply.outer(of_pixel, of_chord / of_chord.sum())
+        a = along * np.cos(angle) - across * np.sin(angle)
+        b = along * np.sin(angle) + across * np.cos(angle)
+        places = [np.broadcast_to(v, a.shape).ravel() for v in (s[:, None, None], t[:, None, None], a, b)]
+        return np.stack(places, 1), of_pixel[:, None] * half[..., 0] ** 2 * (2 / lines)
 
     def _pixel_points(self, coefficient, k: int, cut: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points s, t over the pixels and their weights, of sum 1."""
@@ -295,6 +309,17 @@ class TracedLight:
         total, moment = (np.cumsum(v.reshape(count, NODES + 1), 1) for v in (total, moment))
         self.below[k, index] = np.arange(NODES + 1) * total - moment
         self.low[k, index], self.width[k, index] = low, width
+
+
+def _weighted_fit(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Coefficients [terms, outputs, n] of the polynomials through values [FIT_RAYS, outputs, n] of weight [FIT_RAYS, n].
+
+    Higher powers are held back a little, for pixels with few rays.
+    """
+    normal = np.einsum("mi,mn,mj->nij", _AT_POINTS, weight, _AT_POINTS, optimize=True)
+    normal += np.diag(FIT_RAYS * HELD_BACK[_POWERS.sum(1)])
+    wanted = np.einsum("mi,mn,mon->nio", _AT_POINTS, weight, values, optimize=True)
+    return np.moveaxis(np.linalg.solve(normal, wanted), 0, -1)
 
 
 def _traced(chief: ChiefRays, row: np.ndarray, column: np.ndarray) -> np.ndarray:
