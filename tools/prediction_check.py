@@ -18,8 +18,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
 from varied_scenes import KINDS, varied_scene
 
-from irtscots_cl.pipeline.simulate import simulate
 from irtscots_cl.measurement.methods import MEASURES
+from irtscots_cl.pipeline.simulate import simulate
 
 WITHIN = 1.3  # of the actual error
 

@@ -121,6 +121,11 @@ def add_measure(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def warn(message: object) -> None:
+    """One line on stderr about something that does not stop the command."""
+    print(f"irtscots: warning: {message}", file=sys.stderr)
+
+
 def print_tables(tables) -> None:
     from rich import box
     from rich.console import Console

@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from irtscots_cl.cli.common import DEFAULTS, add_measure, command, print_json, print_tables
+from irtscots_cl.cli.common import DEFAULTS, add_measure, command, print_json, print_tables, warn
 from irtscots_cl.scene.presets import load_scene
 
 
@@ -68,11 +68,13 @@ def _execute(options: argparse.Namespace) -> int:
         raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
     images = read_images(options.images).saturating_at(options.saturation)
     facts = measure(images, scene.nominal(), folder, options.threshold, how)
+    from irtscots_cl.report.tables import cautions, measured_table
+
+    for line in cautions(facts):
+        warn(line)
     if options.json:
         print_json(facts)
     else:
-        from irtscots_cl.report.tables import measured_table
-
         print_tables([measured_table(facts)])
         print(f"results in {folder}")
     return 0

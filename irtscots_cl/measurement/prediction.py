@@ -19,10 +19,11 @@ from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import poisson_error
 from irtscots_cl.measurement.light_profiles import sampling_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
-from irtscots_cl.measurement.slopes import half_vector_slopes
+from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
 from irtscots_cl.measurement.systematic_error import SystematicError, systematic_error
 from irtscots_cl.optics.chief_rays import ChiefRays
 
+SHARPENED = float(np.hypot(7 / 6, 2 / 24))  # by which deconvolve_pixel multiplies the rms of independent noise
 LOST_SHARE = 0.02  # of the pixels: as many without a model leave the rms as it is
 NOISE_DRAWS = 32  # maps of random slopes for the predicted height noise; its own error is a few percent
 
@@ -82,16 +83,20 @@ def predict_error(
     chief = result.setup.chief_rays
     scale = _slope_per_mm(chief, result)
     mask, noise, bias = result.mask, [], []
+    sharpened = 1.0 if result.pixel_average else SHARPENED
     for k, scan in enumerate((stack.x, stack.y)):
         on_grid = np.full(mask.size, np.nan)
         on_grid[scan.pixels] = poisson_error(scan, scan.mean_w())
         counted = on_grid.reshape(mask.shape) * scale[k]
-        measured = jackknife_error(result.estimates(f"slope_{scan.axis}"))
+        measured = jackknife_error(result.estimates(f"slope_{scan.axis}")) / sharpened
         noise.append(np.where(np.isfinite(counted), counted, measured))
         bias.append(_line_sampling(result, scan) * scale[k])
     random = np.random.default_rng(0)
     known = all(np.isfinite(part[mask]).any() for part in noise)
     draws = [np.nan_to_num(part) * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
+    if not result.pixel_average:  # sharpening makes noise of neighbours differ more, which integration evens out
+        draws = [deconvolve_pixel(part, mask) for part in draws]
+        noise = [part * sharpened for part in noise]
     heights = _heights(result, draws[0], draws[1])
     unresolved = _unresolved(result, stack, scale)
     steady = systematic_error(result, stack, np.stack(heights) if known else None) if systematic else None

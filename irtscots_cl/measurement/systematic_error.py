@@ -149,9 +149,10 @@ def _fine_structure(
     known = _zernike_surface(result, fit, target_mm)
     fine = target_mm - Surface.of(known.mirror).deviation_at(result.x_mm, result.y_mm)[0]
     total, noise = rms(fine, result.mask) ** 2, 0.0
-    for draw in () if noise_mm is None else noise_mm[:NOISE_MAPS]:
+    draws = [] if noise_mm is None else list(noise_mm[:NOISE_MAPS])
+    for draw in draws:
         own = Surface.of(_zernike_surface(result, fit, draw).mirror).deviation_at(result.x_mm, result.y_mm)[0]
-        noise += rms(draw - own, result.mask) ** 2 / min(len(noise_mm), NOISE_MAPS)
+        noise += rms(draw - own, result.mask) ** 2 / len(draws)
     signal = total - noise
     if signal <= limit_mm**2:
         return None

@@ -36,7 +36,10 @@ def measure(
         "scene": nominal.name,
         "measure": how,
         "refinement_updates_nm": list(result.updates_nm),
+        "refinement_converged": result.converged,
         "pixels_used": result.pixels_used,
         "light_curves_refused": cast("Refused", result.refused()),
+        "pixels_with_traced_light": int(result.light_traced().sum()),
+        "pixels_without_model": int(result.without_model().sum()),
         "deviation_nm_rms": cast("HeightErrors", deviation),
     }

@@ -80,7 +80,7 @@ def _instrument(mirror: Mirror, kind: str, number: int, chance: random.Random) -
     aperture = min(aperture, distance / 100)
     look = (0.0, 0.0, 0.0)
     if kind == "tilted":
-        look = tuple(0.03 * mirror.diameter_mm * chance.uniform(-1, 1) for _ in range(2)) + (0.0,)
+        look = (*(0.03 * mirror.diameter_mm * chance.uniform(-1, 1) for _ in range(2)), 0.0)
     camera = Camera(
         position_mm=places[0], look_at_mm=look, aperture_diameter_mm=aperture, focal_length_mm=focal,
         focus_distance_mm=distance * chance.uniform(0.7, 0.8) if kind == "defocus" else None,

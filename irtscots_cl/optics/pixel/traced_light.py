@@ -41,9 +41,14 @@ def _monomials(points: np.ndarray) -> np.ndarray:
     return np.prod([powers[_POWERS[:, k], :, k] for k in range(4)], axis=0).T
 
 
+def _term(powers) -> int:
+    """The number of the coefficient of powers of s, t, a, b."""
+    return int(np.flatnonzero(np.all(np.asarray(powers) == _POWERS, axis=1))[0])
+
+
 def _linear(axis: int) -> int:
-    """The coefficient of the first power of s, t, a or b."""
-    return int(np.flatnonzero((_POWERS == np.eye(4, dtype=int)[axis]).all(1))[0])
+    """The number of the coefficient of s, t, a or b."""
+    return _term(np.eye(4, dtype=int)[axis])
 
 
 def _mean_points() -> tuple[np.ndarray, np.ndarray]:
@@ -55,7 +60,9 @@ def _mean_points() -> tuple[np.ndarray, np.ndarray]:
     axes = [points, points, np.arange(4), np.arange(8)]
     s, t, r, k = (v.ravel() for v in np.meshgrid(*axes, indexing="ij"))
     r, k = r.astype(int), k.astype(int)
-    share = np.multiply.outer(np.multiply.outer(weights / 2, weights / 2), np.multiply.outer(of_ring, np.full(8, 1 / 8)))
+    share = np.multiply.outer(
+        np.multiply.outer(weights / 2, weights / 2), np.multiply.outer(of_ring, np.full(8, 1 / 8))
+    )
     return np.stack([s, t, ring[r] * np.cos(angle[k]), ring[r] * np.sin(angle[k])], 1), share.ravel()
 
 
@@ -74,7 +81,7 @@ def _fit_points() -> np.ndarray:
 _POINTS = _fit_points()
 _AT_POINTS = _monomials(_POINTS)
 _FIT = np.linalg.pinv(_AT_POINTS)
-_SQUARES = [int(np.flatnonzero((_POWERS == p).all(1))[0]) for p in ([2, 0, 0, 0], [0, 2, 0, 0])]
+_SQUARES = [_term([2, 0, 0, 0]), _term([0, 2, 0, 0])]
 _MEAN_POINTS, _MEAN_SHARES = _mean_points()
 _AT_MEAN = _monomials(_MEAN_POINTS)
 
@@ -151,14 +158,14 @@ class TracedLight:
             whole = radius.max(0) + margin <= surface.aperture_radius_mm
             whole &= (surface.obscuration_radius_mm == 0) | (radius.min(0) - margin >= surface.obscuration_radius_mm)
             # beside the mirror altogether, or wholly in the hole: no light
-            dark = (radius.min(0) - margin > surface.aperture_radius_mm)
+            dark = radius.min(0) - margin > surface.aperture_radius_mm
             dark |= radius.max(0) + margin < surface.obscuration_radius_mm
         coefficient = np.tensordot(_FIT, values, 1)  # [terms, outputs, n]
         counts = np.ones(values[:, 0].shape)
         edge = np.flatnonzero(seen & ~whole & ~dark)
         if edge.size:
             # beside the mirror its polynomials may grow fast: only rays on it, and a little beside it, count
-            near = (radius <= surface.aperture_radius_mm + margin / 2)
+            near = radius <= surface.aperture_radius_mm + margin / 2
             near &= radius >= surface.obscuration_radius_mm - margin / 2
             counts[:, edge] = near[:, edge]
             coefficient[:, :2, edge] = _weighted_fit(values[:, :2, edge], counts[:, edge])
@@ -216,7 +223,9 @@ class TracedLight:
         self.mean[k, index], self.mean[2 + k, index] = means[0], means[1 + k]
         if k == 0:
             self.share[index] = np.where(lit, covered, 0.0)
-        self._tabulate(index[lit], k, centre[:, :, 0][..., lit], np.abs(high - low)[:, :, 0][..., lit], weight[..., lit])
+        self._tabulate(
+            index[lit], k, centre[:, :, 0][..., lit], np.abs(high - low)[:, :, 0][..., lit], weight[..., lit]
+        )
 
     def _quadrature(self, coefficient, k: int, turn: int, cut: bool):
         """Points [q, 4], and the share [pixel points, chords] of each chord, for pixels whose chords turn alike."""
@@ -312,7 +321,7 @@ class TracedLight:
 
 
 def _weighted_fit(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Coefficients [terms, outputs, n] of the polynomials through values [FIT_RAYS, outputs, n] of weight [FIT_RAYS, n].
+    """Coefficients [terms, outputs, n] of polynomials for values [FIT_RAYS, outputs, n] of weight [FIT_RAYS, n].
 
     Higher powers are held back a little, for pixels with few rays.
     """
@@ -328,4 +337,3 @@ def _traced(chief: ChiefRays, row: np.ndarray, column: np.ndarray) -> np.ndarray
     s, t, a, b = _POINTS.T[:, :, None]
     points, u, v = chief.reverse(row + t / 2, column + s / 2, a * radius, b * radius)
     return np.stack([u, v, points[..., 0], points[..., 1]], 1)
-

@@ -134,11 +134,13 @@ def _height_nm(mask: np.ndarray, points, slopes, compared) -> tuple[float, float
     return float(np.sqrt(max(total**2 - noise**2, 0.0))), float(noise)
 
 
-def ray_noise_nm(setup: Setup, rays_per_pixel: int) -> float:
-    """Rms height in nm, piston and tilt removed, that independent rays scatter by, from the design alone.
+def ray_noise_nm(setup: Setup, rays_per_pixel: int, independent: bool = True) -> float:
+    """Rms height in nm, piston and tilt removed, that rays scatter by, from the scene's lengths alone.
 
-    A centroid's standard error is the light's standard deviation over the root of the number of rays.
+    A centroid's standard error is the light's standard deviation over the root of the number of independent rays; of
+    low-discrepancy points and of smoothed rays, over the number to the power 0.7 (docs/accuracy.md).
     """
+    rays_per_pixel = rays_per_pixel if independent else rays_per_pixel**1.4
     chief = setup.chief_rays
     foot = chief.footprint
     mask = foot.coverage >= 0.5
@@ -198,24 +200,34 @@ def rounding_text(source: str, found: Rounding) -> str:
     )
 
 
-def check_precision_on(device: Device, scene_toml: str, precision: str, source: str, rays_per_pixel: int) -> None:
+def check_precision_on(
+    device: Device, scene_toml: str, precision: str, source: str, rays_per_pixel: int, independent: bool
+) -> None:
     """check_precision_of_scene of a scene as TOML text, for places that are called with plain values."""
-    check_precision_of_scene(parse_scene(scene_toml), device, precision, source, rays_per_pixel)
+    check_precision_of_scene(parse_scene(scene_toml), device, precision, source, rays_per_pixel, independent)
 
 
 def check_precision_of_scene(
-    scene: Scene | Setup, device: Device, precision: str, source: str, rays_per_pixel: int
+    scene: Scene | Setup,
+    device: Device,
+    precision: str,
+    source: str,
+    rays_per_pixel: int = 16384,
+    independent: bool = True,
 ) -> None:
     """Refuse a precision that is too coarse for the scene, with a ValueError that says what would do.
 
     Too coarse: rounding adds more than SMALL_NM and more than WORSE times the ray noise of so many rays to the height.
-    source: the scene's file or preset, for the message. Double precision is taken as it is.
+    source: the scene's file or preset, for the message. independent: see ray_noise_nm. Double precision is taken as it
+    is.
     """
     if precision == "fp64":
         return
     setup = Setup.of(scene)
     found = rounding_error(setup, device, precision)
-    limit = max(SMALL_NM, WORSE * ray_noise_nm(setup, rays_per_pixel)) if found.height_nm > SMALL_NM else SMALL_NM
+    if found.height_nm <= SMALL_NM:
+        return
+    limit = max(SMALL_NM, WORSE * ray_noise_nm(setup, rays_per_pixel, independent))
     if found.height_nm > limit:
         enough = "fp64" if device.has_fp64 else "fp64, on a device that has double precision"
         raise ValueError(
