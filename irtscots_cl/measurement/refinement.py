@@ -1,11 +1,10 @@
 """Refinement of a measured surface by a model: simulate it, compare the light curves, correct it, and repeat.
 
 Zernike polynomials are fitted to the measured surface. The model is the scene with this surface; its light curves
-follow in closed form, or from traced light where that does not hold.
- Differences between measured and modelled centroids are slopes that the model lacks. Only these
-small differences go through triangulation and integration. So the neglected effects (averaging over a pixel, partly
-lit pixels at the edge, second-order geometry, sampling by lines) act only on the differences. This is Gauss-Newton on
-the slopes.
+follow in closed form, or from traced light where that does not hold. Differences between measured and modelled
+centroids are slopes that the model lacks. Only these small differences go through triangulation and integration. So the
+neglected effects (averaging over a pixel, partly lit pixels at the edge, second-order geometry, sampling by lines) act
+only on the differences. This is Gauss-Newton on the slopes.
 """
 
 from __future__ import annotations

@@ -186,9 +186,9 @@ def test_a_pixel_that_the_model_has_no_light_for_keeps_its_slopes(small, monkeyp
     pixel = (12, 15)
     wrong = _changed(stack, pixel, lambda flux: np.roll(flux, 1, -1))  # a slope that no smooth model has
     before = reconstruct(wrong, scene.nominal(), method="cubic")
-    valid = refinement.PixelResponse.valid
+    valid = refinement.PixelLight.valid
     monkeypatch.setattr(
-        refinement.PixelResponse, "valid", lambda light: valid(light) & (light.pixels != pixel[0] * 25 + pixel[1])
+        refinement.PixelLight, "valid", lambda light: valid(light) & (light.pixels != pixel[0] * 25 + pixel[1])
     )
     after = refine(before, wrong)
     for name in ("slope_x", "slope_y"):

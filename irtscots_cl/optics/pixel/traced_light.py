@@ -22,7 +22,8 @@ FIT_RAYS = 210  # three for each coefficient
 MAX_RESIDUAL = 1e-3  # of the rms width of a pixel's light: largest residual of the fit
 NODES = 256  # intervals of a pixel's light that its distribution is stored for
 CUT_CELLS = 12  # per axis, of a pixel that the rim crosses
-PIECES = 6  # of a chord
+PIECES = 4  # of a chord
+LEAST_CHORDS = 8
 HELD_BACK = np.array([1e-12, 1e-12, 1e-11, 1e-9, 1e-7])  # of each power, relative to the fit's rays
 GOLDEN = (5**0.5 - 1) / 2
 MAX_CHORDS, MAX_GAUSS = 28, 9
@@ -194,45 +195,42 @@ class TracedLight:
 
     def _integrate(self, index, coefficient, row, column, k: int, points, share, cut: bool) -> None:
         """Distribution along u (k = 0) or v (k = 1) and means of the pixels index [n]. points, share: _quadrature."""
-        steps = 2 * PIECES + 1
-        basis = _monomials(points)
-        value = np.tensordot(basis, coefficient[:, [k, 2, 3]], 1).reshape(-1, steps, 3, len(index))
-        weight = (share.reshape(-1, 1) / PIECES)[:, :, None] * self._cos4(points, row, column).reshape(
-            -1, steps, len(index)
-        )[:, 1::2]
+        steps, chords = 2 * PIECES + 1, share.size
+        outputs = coefficient[:, [k, 2, 3]] if cut else coefficient[:, [k]]  # x, y where the rim asks for them
+        value = np.tensordot(_monomials(points), outputs, 1).reshape(chords, steps, outputs.shape[1], len(index))
         low, middle, high = value[:, :-1:2], value[:, 1::2], value[:, 2::2]
         centre = (low + 4 * middle + high) / 6  # Simpson: [chords, PIECES, outputs, n]
+        halfway = points.reshape(chords, steps, 4)[:, 1::2].reshape(-1, 4)
+        weight = self._cos4(halfway, row, column).reshape(chords, PIECES, -1) * (share.reshape(-1, 1, 1) / PIECES)
         if cut:
             inside, moved = self._inside(middle[:, :, 1], middle[:, :, 2], coefficient)
-            outputs = coefficient[:, [k, 2, 3]]
             centre = centre + sum(shift[:, :, None] * step for shift, step in moved(outputs))
             centre = centre + sum(outputs[j] for j in _SQUARES) / (3 * CUT_CELLS**2)  # curvature over a cell
             weight = weight * inside
             covered = (share.reshape(-1, 1, 1) / PIECES * inside).sum((0, 1))
+            with np.errstate(invalid="ignore", divide="ignore"):
+                means = (weight[:, :, None] * centre).sum((0, 1)) / weight.sum((0, 1))
+            place, mirror = centre[:, :, 0], means[1 + k]
         else:
             covered = np.ones(len(index))
-        total = weight.sum((0, 1))
-        lit = total > 0
-        with np.errstate(invalid="ignore", divide="ignore"):
-            means = (weight[:, :, None] * centre).sum((0, 1)) / total
-        if not cut:
             of_ray = _MEAN_SHARES[:, None] * self._cos4(_MEAN_POINTS, row, column)
-            exact = np.tensordot(_AT_MEAN, coefficient[:, [k, 2, 3]], 1)
-            exact = (of_ray[:, None] * exact).sum(0) / of_ray.sum(0)
-            centre, means = centre + (exact - means), exact
-        self.mean[k, index], self.mean[2 + k, index] = means[0], means[1 + k]
+            exact = np.tensordot(_AT_MEAN, coefficient[:, [k, 2 + k]], 1)
+            means = (of_ray[:, None] * exact).sum(0) / of_ray.sum(0)
+            place, mirror = centre[:, :, 0], means[1]
+            place = place + (means[0] - (weight * place).sum((0, 1)) / weight.sum((0, 1)))
+        lit = weight.sum((0, 1)) > 0
+        self.mean[k, index], self.mean[2 + k, index] = means[0], mirror
         if k == 0:
             self.share[index] = np.where(lit, covered, 0.0)
-        self._tabulate(
-            index[lit], k, centre[:, :, 0][..., lit], np.abs(high - low)[:, :, 0][..., lit], weight[..., lit]
-        )
+        length = np.abs(high - low)[:, :, 0]
+        self._tabulate(index[lit], k, place[..., lit], length[..., lit], weight[..., lit])
 
     def _quadrature(self, coefficient, k: int, turn: int, cut: bool):
         """Points [q, 4], and the share [pixel points, chords] of each chord, for pixels whose chords turn alike."""
         s, t, of_pixel = self._pixel_points(coefficient, k, cut)
-        lines = int(np.clip(np.ceil(self._reach(coefficient, k, 2, 3) / 2) + 10, 12, MAX_CHORDS))
-        if len(s) > MAX_GAUSS**2:
-            lines = 8  # the many points of the pixel smooth the light already
+        # a few pixel points need as many chords as the waves of the lines over the aperture ask for; many share them
+        wanted = int(np.clip(np.ceil(self._reach(coefficient, k, 2, 3) / 2) + 10, 12, MAX_CHORDS))
+        lines = max(LEAST_CHORDS, -(-16 * wanted // max(len(s), 16)))
         # equally spaced angles integrate a function of period pi; each point of the pixel has its own offset, so that
         # no place of the screen is where many chords end
         offset = (np.arange(1, len(s) + 1) * GOLDEN) % 1.0
