@@ -28,7 +28,7 @@ from irtscots_cl.scene.model import Scene
 
 PASSES = 3  # at most, of taking a large error off the surface
 FINE_ORDER, FINE_PIXELS = 28, 3  # Zernike terms for a surface with fine structure: radial order, pixels for each
-NOISE_MAPS = 4
+NOISE_MAPS, NOISE_ROOM = 2, 2.0  # sharper slopes have more fine noise than the maps: twice the squares
 FINE = 0.3  # of the error and the noise together: smaller fine structure cannot change them by more than 5 %
 LARGE = 0.1  # of the deviation: a larger error is worth a second pass, with the error taken off the surface
 SETTLED = 0.15  # relative change of the error's rms between passes
@@ -58,26 +58,30 @@ def systematic_error(
     noise_mm: [draws, rows, columns] height maps of the size of the ray noise, which tell what part of the fine
     structure is noise; None without noise.
     """
-    finer = _finer(result, stack)
-    own, best = finer is result, np.where(finer.mask, finer.deviation_mm, result.deviation_mm)
-    fit, target = _fit(result), best
+    fit, best = _fit(result), result.deviation_mm
     noise = 0.0 if noise_mm is None else float(np.sqrt(np.mean([rms(draw, result.mask) ** 2 for draw in noise_mm])))
-    limit = FINE * noise
-    found = _measured_again(result, stack, _zernike_surface(result, fit, target), None)
+    found = _measured_again(result, stack, _zernike_surface(result, fit, best), None)
     if found is None:
         return None
-    fine = _fine_structure(result, fit, target, noise_mm, float(np.hypot(FINE * found.height_mm, limit)))
-    if fine is not None:
-        fit = _fit(result, FINE_ORDER, FINE_PIXELS)
-        return _of_fine_structure(result, finer, stack, fit, noise_mm, float(np.hypot(FINE * found.height_mm, limit)))
-    for _ in range(PASSES):
-        if not (own and found.height_mm > limit and _large(result, found)):
+    finer, limit = result, FINE * float(np.hypot(found.height_mm, noise))
+    # a plain centroid's own errors look like fine structure of the mirror
+    if _large(result, found, noise) or _fine_structure(result, fit, best, noise_mm, limit) is not None:
+        finer = _finer(result, stack)
+        if finer is not result:
+            best = np.where(finer.mask, finer.deviation_mm, result.deviation_mm)
+            found = _measured_again(result, stack, _zernike_surface(result, fit, best), None) or found
+            limit = FINE * float(np.hypot(found.height_mm, noise))
+        if _fine_structure(result, fit, best, noise_mm, limit) is not None:
+            fit = _fit(result, FINE_ORDER, FINE_PIXELS)
+            return _of_fine_structure(result, finer, stack, fit, noise_mm, limit)
+    for _ in range(PASSES if finer is result else 0):
+        if not _large(result, found, noise):
             break
-        target = best - np.nan_to_num(found.error_mm)  # nearer to the truth
-        last, again = found, _measured_again(result, stack, _zernike_surface(result, fit, target), None)
+        nearer = best - np.nan_to_num(found.error_mm)
+        again = _measured_again(result, stack, _zernike_surface(result, fit, nearer), None)
         if again is None:
             break
-        found = _settled(last, again, noise)
+        found = _settled(found, again, noise)
         if found.settled:
             break
     return found
@@ -128,9 +132,10 @@ def _finer(result: Reconstruction, stack: ImageStack) -> Reconstruction:
         return result
 
 
-def _large(result: Reconstruction, found: SystematicError) -> bool:
+def _large(result: Reconstruction, found: SystematicError, noise_mm: float) -> bool:
+    """Whether an error is so large that the measured surface with it may have another error than the true one."""
     left = remove_terms(result.x_mm, result.y_mm, result.deviation_mm, result.mask, "piston_tilt")
-    return found.height_mm > LARGE * rms(left, result.mask)
+    return found.height_mm > max(LARGE * rms(left, result.mask), FINE * noise_mm)
 
 
 def _zernike_surface(result: Reconstruction, fit: FloatArray, target_mm: FloatArray) -> Scene:
@@ -149,11 +154,13 @@ def _fine_structure(
     known = _zernike_surface(result, fit, target_mm)
     fine = target_mm - Surface.of(known.mirror).deviation_at(result.x_mm, result.y_mm)[0]
     total, noise = rms(fine, result.mask) ** 2, 0.0
+    if total <= limit_mm**2:
+        return None
     draws = [] if noise_mm is None else list(noise_mm[:NOISE_MAPS])
     for draw in draws:
         own = Surface.of(_zernike_surface(result, fit, draw).mirror).deviation_at(result.x_mm, result.y_mm)[0]
         noise += rms(draw - own, result.mask) ** 2 / len(draws)
-    signal = total - noise
+    signal = total - NOISE_ROOM * noise
     if signal <= limit_mm**2:
         return None
     scaled: FloatArray = fine * (signal / total)  # Wiener's factor
