@@ -1,6 +1,6 @@
 """Whether the predicted height error is the actual one: seeded random scenes of many kinds, under every measure.
 
-    tools/prediction_check.py [--scenes 28] [--rays 4096] [--sampler sobol] [--plain] [--precision fp64] [--json]
+    tools/prediction_check.py [--scenes 28] [--rays 1024] [--sampler sobol] [--plain] [--precision fp64] [--json]
 
 Each scene (tests/support/varied_scenes.py) is traced, measured, and compared with its true surface. The prediction has
 the design and the images alone. Heights in nm rms, piston and tilt removed; ratio: actual / predicted.
@@ -28,7 +28,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", type=int, default=28)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--rays", type=int, default=4096, help="per detector pixel")
+    parser.add_argument("--rays", type=int, default=1024, help="per detector pixel")
     parser.add_argument("--sampler", default="sobol")
     parser.add_argument("--plain", action="store_true", help="without --smoothing")
     parser.add_argument("--precision", default="fp64")

@@ -32,9 +32,7 @@ MODEL_ORDER = 20  # radial order of the model: finer structure stays in the diff
 PIXELS_PER_TERM = 8  # at least, so that the model does not follow the noise
 
 
-def refine(
-    result: Reconstruction, stack: ImageStack, *, rounds: int = 4, tolerance_nm: float = 1e-3
-) -> Reconstruction:
+def refine(result: Reconstruction, stack: ImageStack, *, rounds: int = 4, tolerance_nm: float = 1e-3) -> Reconstruction:
     """Refine a reconstruction of the stack until a round changes less than tolerance_nm rms, at most `rounds` times.
 
     updates_nm of the result contains each round's change, without piston and tilt; converged says whether the last one
@@ -42,7 +40,7 @@ def refine(
     keep their slopes. No threshold is applied to the light curves: the centroid of a curve cut at a threshold jumps as
     the light moves, and the rounds would not converge.
     """
-    fit = _fit(result)
+    fit = zernike_fit(result)
     for _ in range(rounds):
         refined = _round(result, stack, fit)
         change = remove_terms(
@@ -56,9 +54,7 @@ def refine(
     return result
 
 
-def _fit(
-    result: Reconstruction, order: int = MODEL_ORDER, pixels_per_term: int = PIXELS_PER_TERM
-) -> FloatArray:
+def zernike_fit(result: Reconstruction, order: int = MODEL_ORDER, pixels_per_term: int = PIXELS_PER_TERM) -> FloatArray:
     """Matrix [terms, pixels used] from heights to coefficients of Noll terms 1, 2, ... by least squares over the mask.
 
     It uses normal equations: the terms are nearly orthogonal over a mirror. Combinations of terms that the mask cannot
@@ -74,7 +70,7 @@ def _fit(
 
 
 def modelled(result: Reconstruction, fit: FloatArray) -> Scene:
-    """The design with the measured deviation as Zernike terms. fit: see _fit."""
+    """The design with the measured deviation as Zernike terms. fit: see zernike_fit."""
     mirror, fit_um = result.nominal.mirror, fit @ result.deviation_mm[result.mask] * 1e3
     terms = ZernikeTerms(mirror.diameter_mm / 2, "noll", dict(enumerate(fit_um.tolist(), 1)))
     return dataclasses.replace(result.nominal, mirror=dataclasses.replace(mirror, zernike=(terms,)))

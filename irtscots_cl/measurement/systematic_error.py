@@ -20,7 +20,7 @@ from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.reconstruction import Reconstruction, reconstruct
-from irtscots_cl.measurement.refinement import _fit, modelled, refine
+from irtscots_cl.measurement.refinement import modelled, refine, zernike_fit
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.optics.surface_map import MappedChiefRays, PixelMap
@@ -58,7 +58,7 @@ def systematic_error(
     noise_mm: [draws, rows, columns] height maps of the size of the ray noise, which tell what part of the fine
     structure is noise; None without noise.
     """
-    fit, best = _fit(result), result.deviation_mm
+    fit, best = zernike_fit(result), result.deviation_mm
     noise = 0.0 if noise_mm is None else float(np.sqrt(np.mean([rms(draw, result.mask) ** 2 for draw in noise_mm])))
     found = _measured_again(result, stack, _zernike_surface(result, fit, best), None)
     if found is None:
@@ -72,7 +72,7 @@ def systematic_error(
             found = _measured_again(result, stack, _zernike_surface(result, fit, best), None) or found
             limit = FINE * float(np.hypot(found.height_mm, noise))
         if _fine_structure(result, fit, best, noise_mm, limit) is not None:
-            fit = _fit(result, FINE_ORDER, FINE_PIXELS)
+            fit = zernike_fit(result, FINE_ORDER, FINE_PIXELS)
             return _of_fine_structure(result, finer, stack, fit, noise_mm, limit)
     for _ in range(PASSES if finer is result else 0):
         if not _large(result, found, noise):
@@ -139,8 +139,16 @@ def _large(result: Reconstruction, found: SystematicError, noise_mm: float) -> b
 
 
 def _zernike_surface(result: Reconstruction, fit: FloatArray, target_mm: FloatArray) -> Scene:
-    """The design with the Zernike terms of a deviation [rows, columns]."""
-    return modelled(dataclasses.replace(result, deviation_mm=target_mm), fit)
+    """The design with the Zernike terms of a deviation [rows, columns], without piston over the mirror.
+
+    A measured deviation has mean zero over the pixels. A mirror whose vertex is where the design has it has none over
+    its disk; the difference, which no slope tells, looks like power.
+    """
+    scene = modelled(dataclasses.replace(result, deviation_mm=target_mm), fit)
+    terms = scene.mirror.zernike[0]
+    without = {noll: value for noll, value in terms.coefficients_um.items() if noll != 1}
+    terms = dataclasses.replace(terms, coefficients_um=without)
+    return dataclasses.replace(scene, mirror=dataclasses.replace(scene.mirror, zernike=(terms,)))
 
 
 def _fine_structure(
@@ -153,13 +161,14 @@ def _fine_structure(
     """What the Zernike terms lack of a deviation, freed of noise, [rows, columns] in mm; None if below limit_mm rms."""
     known = _zernike_surface(result, fit, target_mm)
     fine = target_mm - Surface.of(known.mirror).deviation_at(result.x_mm, result.y_mm)[0]
+    fine = fine - np.mean(fine[result.mask])
     total, noise = rms(fine, result.mask) ** 2, 0.0
     if total <= limit_mm**2:
         return None
     draws = [] if noise_mm is None else list(noise_mm[:NOISE_MAPS])
     for draw in draws:
         own = Surface.of(_zernike_surface(result, fit, draw).mirror).deviation_at(result.x_mm, result.y_mm)[0]
-        noise += rms(draw - own, result.mask) ** 2 / len(draws)
+        noise += float(np.var((draw - own)[result.mask])) / len(draws)
     signal = total - NOISE_ROOM * noise
     if signal <= limit_mm**2:
         return None

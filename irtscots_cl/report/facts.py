@@ -17,6 +17,7 @@ from irtscots_cl.report.types import (
     HeightErrors,
     Ledger,
     PathReport,
+    Predicted,
     Refused,
     Report,
     Seconds,
@@ -68,17 +69,7 @@ def build_report(
         "height_error_nm_rms": cast("HeightErrors", {terms: e.value for terms, e in heights.items()}),
         "height_error_nm_rms_standard_error": cast("HeightErrors", {t: e.standard_error for t, e in heights.items()}),
         "height_standard_error_nm": comparison.height_standard_error_nm,
-        "predicted": {
-            "slope_error_urad_rms": as_xy(predicted.slope),
-            "slope_ray_noise_urad_rms": as_xy(predicted.ray_noise_slope),
-            "slope_line_sampling_urad_rms": as_xy(predicted.line_sampling_slope),
-            "height_error_nm_rms_piston_tilt": predicted.height_mm * 1e6,
-            "height_ray_noise_nm_rms": predicted.ray_noise_height_mm * 1e6,
-            "height_line_sampling_nm_rms": predicted.line_sampling_height_mm * 1e6,
-            "height_systematic_nm_rms": predicted.systematic_height_mm * 1e6,
-            "height_rounding_nm_rms": predicted.rounding_height_mm * 1e6,
-            "bound": predicted.why,
-        },
+        "predicted": _predicted_facts(predicted),
         "error_parts": [error_term_facts(part) for part in parts],
         "zernike": [
             {
@@ -89,6 +80,20 @@ def build_report(
             }
             for row in comparison.zernike
         ],
+    }
+
+
+def _predicted_facts(predicted: PredictedError) -> Predicted:
+    return {
+        "slope_error_urad_rms": as_xy(predicted.slope),
+        "slope_ray_noise_urad_rms": as_xy(predicted.ray_noise_slope),
+        "slope_line_sampling_urad_rms": as_xy(predicted.line_sampling_slope),
+        "height_error_nm_rms_piston_tilt": predicted.height_mm * 1e6,
+        "height_ray_noise_nm_rms": predicted.ray_noise_height_mm * 1e6,
+        "height_line_sampling_nm_rms": predicted.line_sampling_height_mm * 1e6,
+        "height_systematic_nm_rms": predicted.systematic_height_mm * 1e6,
+        "height_rounding_nm_rms": predicted.rounding_height_mm * 1e6,
+        "bound": predicted.why,
     }
 
 
@@ -113,8 +118,13 @@ def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> PathReport:
             for stays in light.losses
         ],
         "stray_light": [
-            {"kind": s.kind, "of_direct": s.of_direct, "height_nm_rms": s.height_nm.value,
-             "height_nm_rms_standard_error": s.height_nm.standard_error, "lost_pixels": s.lost_pixels}
+            {
+                "kind": s.kind,
+                "of_direct": s.of_direct,
+                "height_nm_rms": s.height_nm.value,
+                "height_nm_rms_standard_error": s.height_nm.standard_error,
+                "lost_pixels": s.lost_pixels,
+            }
             for s in stray
         ],
         "paths": [

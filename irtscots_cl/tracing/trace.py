@@ -65,10 +65,9 @@ def trace(
     saves the sums now and then, and continues from what it has; an interrupted trace that continues gives the bits of
     one that was not. finished: called with the trace so far when a replicate is complete and others are to come.
 
-    Warns by RoundingWarning where single precision costs more than 1 nm of height (tracing/checks/precision.py); no ray
-    is looked at for it where the scene's lengths exclude that.
-    Raises ValueError for an argument out of range, SceneError if no pixel sees the screen, DeviceError if the device
-    cannot do it, checkpoint.Interrupted if the keeper ends the trace.
+    Warns by checks.precision.RoundingWarning where single precision costs more than 1 nm of height. Raises ValueError
+    for an argument out of range, SceneError if no pixel sees the screen, DeviceError if the device cannot do it,
+    checkpoint.Interrupted if the keeper ends the trace.
     """
     setup = Setup.of(scene)
     options = TraceOptions(
@@ -82,9 +81,7 @@ def trace(
         return trace_analytic(setup)
     rays = share_rays(rays_per_pixel, replicates)
     if smoothing and rays.max() > MAX_SMOOTHED_RAYS:
-        raise ValueError(
-            f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 for each replicate"
-        )
+        raise ValueError(f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 per replicate")
     check_visible(setup.chief_rays, f"scene {setup.scene.name}")
     executor = executor_of(device, client)
     warn_of_rounding(setup, executor.call, precision)

@@ -53,7 +53,7 @@ def height_rms_nm(result: Reconstruction, height_mm: np.ndarray, terms: str) -> 
 
 
 def model_of(result: Reconstruction) -> Scene:
-    return refinement.modelled(result, refinement._fit(result))
+    return refinement.modelled(result, refinement.zernike_fit(result))
 
 
 def error_nm(result: Reconstruction, scene: Scene, terms: str = "piston_tilt_power") -> float:

@@ -40,9 +40,9 @@ def test_the_error_map_is_the_actual_one(small, measure):
     result = measure_by(measure, stack, setup.nominal)
     found, actual = systematic_error(result, stack), compare(result, setup.scene)
     actual_mm = actual.height_error_nm["piston_tilt"].value * 1e-6
-    if measure == "refined":
-        assert actual_mm < 1e-8  # 0.004 nm: the power of a piston, which no measurement tells
-        assert found.height_mm < 1e-8
+    if measure == "refined":  # nothing is left but the power of a piston, which no slope tells
+        assert found.height_mm == pytest.approx(actual_mm, rel=0.1)
+        assert actual_mm < 1e-8
         return
     assert actual_mm > 1e-7
     assert found.settled and found.lost == 0
@@ -141,7 +141,7 @@ def checked(number: int, measure: str, device) -> tuple[float, float, str]:
     """Actual and predicted height error in nm, and why the prediction is a bound."""
     setup = Setup(varied_scene(number))
     run = trace(setup, device=device, precision="fp64" if device.has_fp64 else "fp32", sampler="sobol", smoothing=True,
-                rays_per_pixel=4096)  # fmt: skip
+                rays_per_pixel=1024)  # fmt: skip
     stack = run.images(LineScan(setup.scene))
     result = measure_by(measure, stack, setup.nominal)
     predicted = predict_error(result, stack)
