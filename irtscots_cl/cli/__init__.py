@@ -35,6 +35,7 @@ def main(arguments: list[str] | None = None) -> int:
         with warnings.catch_warnings():
             # drivers print comments on kernels that they did build, which do not help a user
             warnings.showwarning = _show_warning
+            warnings.filterwarnings("always", "precision fp32: ")
             warnings.filterwarnings("ignore", "Non-empty compiler output|.*non-empty logs")
             code = options.command(options)
             sys.stdout.flush()

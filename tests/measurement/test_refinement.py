@@ -198,6 +198,14 @@ def test_a_pixel_that_the_model_has_no_light_for_keeps_its_slopes(small, monkeyp
 # --- rounds -------------------------------------------------------------------------------------------------
 
 
+def test_a_refinement_says_whether_it_has_converged(small):
+    _, stack, before = small
+    assert before.converged is None
+    once, through = refine(before, stack, rounds=1), refine(before, stack)
+    assert once.updates_nm[-1] > TOLERANCE_NM and once.converged is False
+    assert through.updates_nm[-1] < TOLERANCE_NM and through.converged is True
+
+
 def test_updates_fall_from_round_to_round(small):
     scene, stack, _ = small
     result = refine(reconstruct(stack, scene.nominal()), stack, rounds=6, tolerance_nm=1e-6)

@@ -140,8 +140,9 @@ def test_traced_pixels_are_none_where_the_closed_form_holds(small):
 def checked(number: int, measure: str, device) -> tuple[float, float, str]:
     """Actual and predicted height error in nm, and why the prediction is a bound."""
     setup = Setup(varied_scene(number))
-    run = trace(setup, device=device, precision="fp64" if device.has_fp64 else "fp32", sampler="sobol", smoothing=True,
-                rays_per_pixel=1024)  # fmt: skip
+    smoothing = KINDS[number % len(KINDS)] != "f/1"  # smoothed rays err by 1 nm there, which is no error of measuring
+    run = trace(setup, device=device, precision="fp64" if device.has_fp64 else "fp32", sampler="sobol",
+                smoothing=smoothing, rays_per_pixel=4096)  # fmt: skip
     stack = run.images(LineScan(setup.scene))
     result = measure_by(measure, stack, setup.nominal)
     predicted = predict_error(result, stack)

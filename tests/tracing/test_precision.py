@@ -7,13 +7,12 @@ import warnings
 
 import numpy as np
 import pytest
-from scenes import coarse
+from scenes import coarse, large_segment
 
 from irtscots_cl.analysis.error_terms import rounding_height_nm
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.measurement.reconstruction import reconstruct
 from irtscots_cl.optics.setup import Setup
-from irtscots_cl.scene.instrument import Detector
 from irtscots_cl.scene.mirror import Mirror
 from irtscots_cl.scene.presets import load_scene, sequential_presets
 from irtscots_cl.tracing.checks import precision as module
@@ -39,18 +38,6 @@ def test_presets_lose_little_in_single_precision(name, device):
     check_precision_of_scene(setup, device, "fp32", name)
 
 
-def segment(pixels: int = 25):
-    """A sphere of 8.4 m and 36 m radius: the rays' errors are as small as on the presets, but the mirror is large."""
-    scene, distance = load_scene("sphere"), 36000.0
-    screen = dataclasses.replace(scene.screen, position_mm=(300.0, 0.0, distance), pixels=(101, 101), pitch_mm=0.5)
-    detector = Detector(pixels=(pixels, pixels), pitch_mm=8400 * 16 / distance / (pixels - 2))
-    camera = dataclasses.replace(
-        scene.camera, position_mm=(-300.0, 0.0, distance), focus_distance_mm=distance, detector=detector
-    )
-    mirror = Mirror(radius_mm=36000.0, diameter_mm=8400.0)
-    return dataclasses.replace(scene, name="segment", mirror=mirror, screen=screen, camera=camera)
-
-
 def patch():
     """A flat of 20 m, looked at from 0.4 m at a place 4 m from its vertex: a float has steps of 0.24 um there."""
     scene, x = load_scene("sphere"), 4e3
@@ -61,7 +48,7 @@ def patch():
     return dataclasses.replace(scene, mirror=mirror, screen=screen, camera=camera)
 
 
-@pytest.mark.parametrize("scene", [coarse("off-axis", 41), segment(41)], ids=["off-axis", "segment"])
+@pytest.mark.parametrize("scene", [coarse("off-axis", 41), large_segment(41)], ids=["off-axis", "segment"])
 def test_the_height_is_the_one_that_the_same_rays_lose_in_a_measurement(device, scene):
     """Two traces of the same rays in both precisions, measured: every pixel counts, not one in a few."""
     if not device.has_fp64:
@@ -78,7 +65,7 @@ def test_the_height_is_the_one_that_the_same_rays_lose_in_a_measurement(device, 
 
 
 def test_a_large_mirror_loses_more_height_than_its_rays_tell(device):
-    small, large = (rounding_error(Setup(scene), device, "fp32") for scene in (load_scene("sphere"), segment()))
+    small, large = (rounding_error(Setup(scene), device, "fp32") for scene in (load_scene("sphere"), large_segment()))
     assert large.ray_urad < small.ray_urad  # the old measure: no reason to refuse
     assert large.height_nm > 20 * small.height_nm
 
@@ -94,11 +81,11 @@ def test_double_precision_is_exact_and_never_refused(device):
     if not device.has_fp64:
         pytest.skip("the device has no double precision")
     assert rounding_error(Setup(patch()), device, "fp64").ray_urad < 1e-6  # 2^-53 of 4 m over 0.4 m
-    check_precision_of_scene(segment(), device, "fp64", "segment.toml", 2**24, False)
+    check_precision_of_scene(large_segment(), device, "fp64", "segment.toml", 2**24, False)
 
 
 def test_rounding_that_rules_over_the_ray_noise_is_refused(device):
-    setup = Setup(segment())
+    setup = Setup(large_segment())
     rounding = rounding_error(setup, device, "fp32").height_nm
     assert rounding > SMALL_NM
     many = int(16384 * (4 * ray_noise_nm(setup, 16384) / rounding) ** 2)  # ray noise of a quarter of the rounding
@@ -118,9 +105,9 @@ def test_the_ray_noise_is_that_of_a_measurement(device):
 
 
 def test_a_trace_warns_where_it_loses_height(device):
-    assert rounding_scale_nm(Setup(segment())) > SUSPECT_NM
+    assert rounding_scale_nm(Setup(large_segment())) > SUSPECT_NM
     with pytest.warns(RoundingWarning, match=r"precision fp32: segment: rounding adds .* nm rms to the height"):
-        trace(segment(), device=device, rays_per_pixel=8)
+        trace(large_segment(), device=device, rays_per_pixel=8)
 
 
 def test_a_trace_looks_at_no_ray_where_lengths_exclude_a_loss(device, monkeypatch):
