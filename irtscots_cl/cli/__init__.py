@@ -14,7 +14,15 @@ import warnings
 from typing import NoReturn
 
 from irtscots_cl.cli import bench, devices, kernel, paths, reconstruct, reproduce, run, scenes, stability
-from irtscots_cl.cli.common import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_NO_DEVICE, EXIT_STOPPED, StoppedError, fail
+from irtscots_cl.cli.common import (
+    EXIT_BAD_INPUT,
+    EXIT_INTERRUPTED,
+    EXIT_NO_DEVICE,
+    EXIT_STOPPED,
+    StoppedError,
+    fail,
+    warn,
+)
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
@@ -33,6 +41,8 @@ def _run(options: argparse.Namespace) -> int:
         interruption.check()
         with warnings.catch_warnings():
             # drivers print comments on kernels that they did build, which do not help a user
+            warnings.showwarning = _show_warning
+            warnings.filterwarnings("always", "precision fp32: ")
             warnings.filterwarnings("ignore", "Non-empty compiler output|.*non-empty logs")
             code = options.command(options)
             sys.stdout.flush()
@@ -55,6 +65,14 @@ def _run(options: argparse.Namespace) -> int:
         if type(error).__name__ != "DeviceError":  # compared by name: its class needs the slow import of pyopencl
             raise
         return fail(error, EXIT_NO_DEVICE)
+
+
+def _show_warning(message, category, filename, lineno, file=None, line=None) -> None:
+    """A warning of the package on one line, as the commands' own; those of other packages as Python shows them."""
+    if category.__name__ == "RoundingWarning":  # compared by name: its class needs slow imports
+        warn(message)
+    else:
+        print(warnings.formatwarning(message, category, filename, lineno, line), end="", file=file or sys.stderr)
 
 
 class _Parser(argparse.ArgumentParser):

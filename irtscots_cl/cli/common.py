@@ -159,6 +159,11 @@ def warn_of(checks: Iterable[CheckFacts]) -> None:
             print(f"irtscots: {check['level']}: {check['name']}: {check['text']}", file=sys.stderr)
 
 
+def warn(message: object) -> None:
+    """One line on stderr about something that does not stop the command."""
+    print(f"irtscots: warning: {message}", file=sys.stderr)
+
+
 def print_tables(tables) -> None:
     from rich import box
     from rich.console import Console

@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from irtscots_cl.cli.common import LAB_MEASURE, add_measure, command, print_json, print_tables, warn_of
+from irtscots_cl.cli.common import LAB_MEASURE, add_measure, command, print_json, print_tables, warn, warn_of
 from irtscots_cl.scene.presets import load_scene
 
 
@@ -75,12 +75,14 @@ def _execute(options: argparse.Namespace) -> int:
             images, scene.nominal(), folder, options.threshold, how, strict=options.strict,
             source=str(options.images), zernike=options.zernike
         )  # fmt: skip
+    from irtscots_cl.report.tables import cautions, measured_tables
+
     warn_of(facts["checks"])
+    for line in cautions(facts):
+        warn(line)
     if options.json:
         print_json(plain(facts))
     else:
-        from irtscots_cl.report.tables import measured_tables
-
         print_tables(measured_tables(facts))
         print(f"results in {folder}")
     return 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import warnings
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -27,6 +28,7 @@ from irtscots_cl.cli.common import (
     print_warnings,
     site_arguments,
     visible_setup,
+    warn,
     warn_of,
 )
 from irtscots_cl.cli.keeping import add_resume, keeping
@@ -117,15 +119,17 @@ def _execute(options: argparse.Namespace) -> int:
             run = _reach(setup, options, given)
         write_run(run, folder)
         keeper.remove()
+    from irtscots_cl.report.tables import cautions, summary_tables
+
     print_warnings(run.report["warnings"])
     warn_of(run.report.get("checks", ()))
+    for line in cautions(run.report):
+        warn(line)
     if options.json:
         from irtscots_cl.system.atomic_files import plain
 
         print_json(plain(run.report))
     else:
-        from irtscots_cl.report.tables import summary_tables
-
         print_tables(summary_tables(run.report))
         print(f"results in {folder}")
     return 0
@@ -186,19 +190,23 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
 def _simulate(setup, options: argparse.Namespace, given: dict, keeper):
     """Run the simulation with the given options."""
     from irtscots_cl.pipeline.simulate import outlook, simulate
-    from irtscots_cl.tracing.checks.precision import check_precision_of_scene, check_precision_on
+    from irtscots_cl.tracing.checks.precision import RoundingWarning, check_precision_of_scene, check_precision_on
     from irtscots_cl.tracing.options import ANALYTIC
+    from irtscots_cl.tracing.samplers import INDEPENDENT
 
     wanted = DEFAULTS | RAYS | given
     if wanted["estimator"] == ANALYTIC and keeper.files():
         raise ValueError(f"{keeper.path}: of a run that traces rays; must be deleted first")
     with nullcontext({}) if wanted["estimator"] == ANALYTIC else site_arguments(options) as where:
+        independent = wanted["sampler"] in INDEPENDENT and not wanted["smoothing"]
+        noise = (wanted["rays_per_pixel"], independent)
         for device in where.get("device", ()):
-            check_precision_of_scene(setup, device, wanted["precision"], options.scene)
+            check_precision_of_scene(setup, device, wanted["precision"], options.scene, *noise)
         if "client" in where:
-            where["client"].call(check_precision_on, setup.scene.to_toml(), wanted["precision"], options.scene)
+            where["client"].call(check_precision_on, setup.scene.to_toml(), wanted["precision"], options.scene, *noise)
         words = partial(outlook, measure=wanted["measure"], nominal=setup.nominal)
-        with Progress(quiet=options.quiet, estimate=words) as progress:
+        with Progress(quiet=options.quiet, estimate=words) as progress, warnings.catch_warnings():
+            warnings.simplefilter("ignore", RoundingWarning)  # the report tells of it, beside the other errors
             return simulate(setup, progress=progress, finished=progress.finished, seed=options.seed,
                             parts=options.parts, zernike=options.zernike, keeper=keeper, **where, **wanted)  # fmt: skip
 

@@ -19,7 +19,7 @@ import numpy as np
 from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.curve_windows import CurveWindows, line_pitch
-from irtscots_cl.optics.pixel.response import PixelResponse
+from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.system import interruption
 
 STEPS = 56  # of the table over a profile's extent, but at most 8 per line: interpolation moves a height by 0.1 nm
@@ -89,7 +89,7 @@ class Profiles:
     at any place is a difference of cubic interpolations, all at the same fraction of a step for one pixel.
     """
 
-    def __init__(self, scan: Scan, light: PixelResponse):
+    def __init__(self, scan: Scan, light: PixelLight):
         output = "uv"["xy".index(scan.axis)]
         self.pitch, self.origin = line_pitch(scan), float(scan.positions_mm[0])
         index = np.full(scan.shape[0] * scan.shape[1], -1)
@@ -105,8 +105,9 @@ class Profiles:
         count = int(np.ceil(reach * steps)) + 1
         self.steps, self.before = steps, count
         grid = np.arange(-count, count + 1) * self.pitch / steps
+        edges = np.nan_to_num(centre)[:, None] + grid
         below = np.zeros((len(chosen), len(grid)))
-        below[:, 1:] = np.cumsum(light.light(output, centre[chosen, None] + grid, chosen), axis=1)
+        below[:, 1:] = np.cumsum(light.light(output, edges)[chosen], axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
             below /= below[:, -1:]
         lit = np.isfinite(below).all(1)

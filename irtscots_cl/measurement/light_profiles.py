@@ -13,14 +13,16 @@ import numpy as np
 from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.light_curves import effective_screen_pixels
+from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.pixel.response import PixelResponse
 
+Light = PixelLight | PixelResponse
 ROUNDS = 4  # of moving the profile: each reduces the error to a few percent
 CONVERGED = 1e-6  # mm: 1e-4 urad in the paper's test
 
 
 def sampling_error(
-    positions_mm: FloatArray, light: PixelResponse, output: str, centre_mm: FloatArray, threshold: float = 0.0
+    positions_mm: FloatArray, light: Light, output: str, centre_mm: FloatArray, threshold: float = 0.0
 ) -> FloatArray:
     """Centroid of noise-free light curves minus that of the light: [n] mm, NaN where the model does not hold.
 
@@ -44,7 +46,7 @@ def sampling_error(
     return error
 
 
-def profile_centroids(scan: Scan, light: PixelResponse, centroid_mm: FloatArray, threshold: float = 0.0) -> FloatArray:
+def profile_centroids(scan: Scan, light: Light, centroid_mm: FloatArray, threshold: float = 0.0) -> FloatArray:
     """Centroids [n] in mm of the light, from the centroids [n] of its light curves and the modelled profile.
 
     light: of the design's pixels. A pixel without a model keeps its centroid.
@@ -62,7 +64,7 @@ def profile_centroids(scan: Scan, light: PixelResponse, centroid_mm: FloatArray,
     return result
 
 
-def sampled_centroids(scan: Scan, light: PixelResponse, threshold: float = 0.0) -> FloatArray:
+def sampled_centroids(scan: Scan, light: Light, threshold: float = 0.0) -> FloatArray:
     """Centroids [n] in mm of the modelled light's curves on the scan's lines; NaN for pixels without a model."""
     known, index, output = _common(scan, light)
     centre = light.means(output)[0]
@@ -71,7 +73,7 @@ def sampled_centroids(scan: Scan, light: PixelResponse, threshold: float = 0.0) 
     return result
 
 
-def _common(scan: Scan, light: PixelResponse) -> tuple[IntArray, IntArray, str]:
+def _common(scan: Scan, light: Light) -> tuple[IntArray, IntArray, str]:
     """Indices of the common pixels in scan.pixels and in light.pixels, and the light's coordinate along the scan."""
     _, known, index = np.intersect1d(scan.pixels, light.pixels, assume_unique=True, return_indices=True)
     return known, index, "uv"["xy".index(scan.axis)]

@@ -19,59 +19,131 @@ from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import poisson_error
 from irtscots_cl.measurement.light_profiles import sampling_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
-from irtscots_cl.measurement.slopes import half_vector_slopes
+from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
+from irtscots_cl.measurement.systematic_error import SystematicError, systematic_error
 from irtscots_cl.optics.chief_rays import ChiefRays
 
+SHARPENED = float(np.hypot(7 / 6, 2 / 24))  # by which deconvolve_pixel multiplies the rms of independent noise
+LOST_SHARE = 0.02  # of the pixels: as many without a model leave the rms as it is
 NOISE_DRAWS = 32  # maps of random slopes for the predicted height noise; its own error is a few percent
 
 
 @dataclass(frozen=True)
 class PredictedError:
-    """Predicted rms errors: slopes [rad] as (x, y); heights [mm] with piston and tilt removed."""
+    """Predicted rms errors: slopes [rad] as (x, y); heights [mm] with piston and tilt removed.
+
+    systematic: of the whole measurement without noise, line sampling included; None where it was not asked for or has
+    no model, and then line sampling stands for it. rounding_height_mm: of the device's arithmetic. bound: the height is
+    no estimate but a bound, for the reasons in `why`.
+    """
 
     ray_noise_slope: tuple[float, float]
     line_sampling_slope: tuple[float, float]
     ray_noise_height_mm: float
     line_sampling_height_mm: float
+    systematic: SystematicError | None = None
+    rounding_height_mm: float = 0.0
+    unresolved_height_mm: float = 0.0
+    why: str = ""
+
+    @property
+    def bound(self) -> bool:
+        return bool(self.why)
 
     @property
     def slope(self) -> tuple[float, float]:
-        """Root sum square of both contributions, (x, y) in rad."""
-        x, y = np.hypot(self.ray_noise_slope, self.line_sampling_slope)
+        """Root sum square of all contributions, (x, y) in rad."""
+        steady = self.line_sampling_slope if self.systematic is None else self.systematic.slope
+        x, y = np.hypot(self.ray_noise_slope, steady)
         return float(x), float(y)
 
     @property
+    def systematic_height_mm(self) -> float:
+        """What is left without noise and with exact arithmetic, in mm."""
+        return self.line_sampling_height_mm if self.systematic is None else self.systematic.height_mm
+
+    @property
     def height_mm(self) -> float:
-        """Root sum square of both contributions, in mm."""
-        return float(np.hypot(self.ray_noise_height_mm, self.line_sampling_height_mm))
+        """Root sum square of all contributions, in mm."""
+        parts = (self.ray_noise_height_mm, self.systematic_height_mm, self.rounding_height_mm,
+                 self.unresolved_height_mm)  # fmt: skip
+        return float(np.linalg.norm(parts))
 
 
-def predict_error(result: Reconstruction, stack: ImageStack) -> PredictedError:
-    """Predict the slope and height errors of a reconstruction from its own light curves.
+def predict_error(
+    result: Reconstruction, stack: ImageStack, *, systematic: bool = True, rounding_height_mm: float = 0.0
+) -> PredictedError:
+    """Predict the slope and height errors of a reconstruction from the design and from its own light curves.
 
     Ray noise comes from counting statistics of each curve's rays if these are independent, and from the scatter of the
-    replicates for other samplers and for lab images. The prediction is NaN if neither is available.
+    replicates for other samplers and for lab images. The prediction is NaN if neither is available. systematic: also
+    predict what is left without noise (systematic_error.py), which costs about as much as the measurement; false:
+    line sampling alone. rounding_height_mm: of the trace's arithmetic, for a simulation.
     """
     chief = result.setup.chief_rays
     scale = _slope_per_mm(chief, result)
     mask, noise, bias = result.mask, [], []
+    sharpened = 1.0 if result.pixel_average else SHARPENED
     for k, scan in enumerate((stack.x, stack.y)):
         on_grid = np.full(mask.size, np.nan)
         on_grid[scan.pixels] = poisson_error(scan, scan.mean_w())
         counted = on_grid.reshape(mask.shape) * scale[k]
-        measured = jackknife_error(result.estimates(f"slope_{scan.axis}"))
+        measured = jackknife_error(result.estimates(f"slope_{scan.axis}")) / sharpened
         noise.append(np.where(np.isfinite(counted), counted, measured))
         bias.append(_line_sampling(result, scan) * scale[k])
     random = np.random.default_rng(0)
     known = all(np.isfinite(part[mask]).any() for part in noise)
     draws = [np.nan_to_num(part) * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
+    if not result.pixel_average:  # sharpening makes noise of neighbours differ more, which integration evens out
+        draws = [deconvolve_pixel(part, mask) for part in draws]
+        noise = [part * sharpened for part in noise]
     heights = _heights(result, draws[0], draws[1])
+    unresolved = _unresolved(result, stack, scale)
+    steady = systematic_error(result, stack, np.stack(heights) if known else None) if systematic else None
     return PredictedError(
         (rms(noise[0], mask), rms(noise[1], mask)) if known else (np.nan, np.nan),
         (rms(bias[0], mask), rms(bias[1], mask)),
         float(np.sqrt(np.mean([rms(h, result.height_mask) ** 2 for h in heights]))) if known else np.nan,
         rms(_heights(result, *bias)[0], result.height_mask),
+        steady,
+        rounding_height_mm,
+        unresolved,
+        _why_bound(result, steady, unresolved) if systematic else "",
     )
+
+
+def _why_bound(result: Reconstruction, steady: SystematicError | None, unresolved_mm: float) -> str:
+    """Why the predicted height is a bound and no estimate; "" for an estimate."""
+    reasons = []
+    if unresolved_mm > 0:
+        reasons.append("light narrower than the lines")
+    if steady is None or steady.lost > LOST_SHARE * result.pixels_used:
+        reasons.append("pixels without a model")
+    if steady is not None and not steady.settled:
+        reasons.append("the measured surface does not explain its own images")
+    return ", ".join(reasons)
+
+
+def _unresolved(result: Reconstruction, stack: ImageStack, scale: list[FloatArray]) -> float:
+    """Rms height in mm, piston and tilt removed, that light narrower than a line may hide; 0 if it hides nothing.
+
+    A line does not tell where in it such light falls: the slopes are uncertain by the rest of the line's width, evenly.
+    All pixels may err alike where their light covers no more than a line together, and then as power, which makes the
+    most height; over many lines such errors alternate.
+    """
+    light, mask, slopes = result.setup.pixel_light, result.mask, []
+    x, y = (np.where(mask, v - np.mean(v[mask]), 0.0) for v in (result.x_mm, result.y_mm))
+    radius = np.hypot(x, y).max() or 1.0
+    found = ((result.centroid_x_mm, x), (result.centroid_y_mm, y))
+    for k, (scan, (centroid, place)) in enumerate(zip((stack.x, stack.y), found, strict=True)):
+        pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else 0.0
+        extent = np.full(mask.size, np.nan)
+        extent[light.pixels] = 2 * light.extent("uv"[k])[1]
+        rest = np.maximum(np.nan_to_num(pitch - extent.reshape(mask.shape)), 0.0)
+        alike = min(1.0, pitch / max(float(np.ptp(centroid[mask])), 1e-12))
+        # rms of a slope that grows evenly from the middle of a disk is half of the rim's
+        slopes.append(np.where(mask, rest / np.sqrt(12) * scale[k] * alike * 2 * place / radius, 0.0))
+    return rms(_heights(result, *slopes)[0], mask) if np.any(slopes) else 0.0
 
 
 def _line_sampling(result: Reconstruction, scan: Scan) -> FloatArray:
@@ -79,7 +151,7 @@ def _line_sampling(result: Reconstruction, scan: Scan) -> FloatArray:
     left = np.where(result.mask, 0.0, np.nan)
     if result.light_curve != "centroid" or result.updates_nm:
         return left
-    light, axis = result.setup.pixel_response, "xy".index(scan.axis)
+    light, axis = result.setup.pixel_light, "xy".index(scan.axis)
     centroid = (result.centroid_x_mm, result.centroid_y_mm)[axis].ravel()[light.pixels]
     left.ravel()[light.pixels] += np.nan_to_num(sampling_error(scan.positions_mm, light, "uv"[axis], centroid))
     return left

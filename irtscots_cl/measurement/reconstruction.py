@@ -38,10 +38,11 @@ class Reconstruction:
     flags: light_curves.Flag, the worse of the two scans (pixels without a light curve: EMPTY). centroid_x_mm,
     centroid_y_mm: in the screen's frame. slope_x, slope_y [rad]: of the whole surface. height_mm: design plus
     deviation; deviation_mm: from the design, zero mean over every group of joined islands. light_curve, method,
-    pixel_average: arguments of reconstruct. updates_nm: rms change of each round of refinement. jackknife_*:
-    [replicates, rows, columns], the same maps with one replicate left out in turn, for error bars. estimates_of_scans:
-    of the x and the y scan, for "windowed" and "likelihood": error bars of the centroids, gains of the frames,
-    chi-square, ... islands: of the mask, and how their heights are joined; None if it is known to have only one.
+    pixel_average: arguments of reconstruct. updates_nm: rms change of each round of refinement; converged: whether the
+    last one was below refine's tolerance, None without refinement. jackknife_*: [replicates, rows, columns], the same
+    maps with one replicate left out in turn, for error bars. estimates_of_scans: of the x and the y scan, for
+    "windowed" and "likelihood": error bars of the centroids, gains of the frames, chi-square, ... islands: of the mask,
+    and how their heights are joined; None if it is known to have only one.
     """
 
     setup: Setup = field(repr=False)
@@ -65,6 +66,7 @@ class Reconstruction:
     updates_nm: tuple[float, ...] = ()
     estimates_of_scans: tuple[ScanEstimate, ScanEstimate] | None = field(default=None, repr=False)
     islands: Islands | None = field(default=None, repr=False)
+    converged: bool | None = None
 
     @property
     def nominal(self) -> Scene:
@@ -108,6 +110,19 @@ class Reconstruction:
     def white_slope_noise(self) -> float:
         """Standard error [rad] of the slopes if white noise alone makes their misfit; NaN for a mask without a loop."""
         return white_noise(self.misfit(), self.x_mm, self.y_mm, self.mask)
+    def light_traced(self) -> BoolArray:
+        """Pixels [rows, columns] of the mask whose light has no closed form: traced rays replace it."""
+        return self._of_light(~self.setup.pixel_light.closed_form & self.setup.pixel_light.valid())
+
+    def without_model(self) -> BoolArray:
+        """Pixels [rows, columns] of the mask whose light is not known at all: they keep the plain centroid."""
+        return self._of_light(~self.setup.pixel_light.valid())
+
+    def _of_light(self, chosen: BoolArray) -> BoolArray:
+        on_grid = np.zeros(self.mask.size, bool)
+        on_grid[self.setup.pixel_light.pixels[chosen]] = True
+        found: BoolArray = on_grid.reshape(self.mask.shape) & self.mask
+        return found
 
     def refused(self) -> dict[str, int]:
         """Number of pixels on the mirror with an unusable light curve, by the flag's name."""
@@ -235,7 +250,7 @@ def _measured(setup: Setup, scan: Scan, light_curve: str, threshold: float) -> t
     on_grid = np.full((len(curves), scan.shape[0] * scan.shape[1]), np.nan)
     found = centroids(scan, curves, threshold)
     if light_curve == "chord":  # one shift for all replicates: it varies by percents only
-        found = found + (profile_centroids(scan, setup.pixel_response, found[0], threshold) - found[0])
+        found = found + (profile_centroids(scan, setup.pixel_light, found[0], threshold) - found[0])
     on_grid[:, scan.pixels] = found
     half_width, box_row, box_column = setup.chief_rays.light_shape("xy".index(scan.axis))
     reach = (half_width + (box_row + box_column) / 2).ravel()[scan.pixels]
@@ -248,7 +263,7 @@ def _estimated(setup: Setup, estimate: ScanEstimate, light_curve: str) -> tuple[
     """As _measured, of a scan's estimate."""
     scan, found = estimate.scan, estimate.centroid_mm
     if light_curve == "windowed":
-        found = found + (profile_centroids(scan, setup.pixel_response, found[0]) - found[0])
+        found = found + (profile_centroids(scan, setup.pixel_light, found[0]) - found[0])
     on_grid = np.full((len(found), scan.shape[0] * scan.shape[1]), np.nan)
     on_grid[:, scan.pixels] = found
     flags = np.full(on_grid.shape[1], Flag.EMPTY)
@@ -259,9 +274,9 @@ def _estimated(setup: Setup, estimate: ScanEstimate, light_curve: str) -> tuple[
 def design_points(setup: Setup) -> list[FloatArray]:
     """Mirror point x, y and screen point u, v [rows, columns] in mm of each pixel's light, were the mirror the design.
 
-    They come from the closed form of the light, or from the mean of the chief rays for pixels without a closed form.
+    They come from the model of the light, or from the mean of the chief rays for pixels without one.
     """
-    light, footprint = setup.pixel_response, setup.chief_rays.footprint
+    light, footprint = setup.pixel_light, setup.chief_rays.footprint
     points = [v.copy() for v in (footprint.x_mm, footprint.y_mm, footprint.u_mm, footprint.v_mm)]
     means = light.means("xyuv")
     use = light.valid() & np.isfinite(means).all(0)

@@ -1,10 +1,10 @@
 """Refinement of a measured surface by a model: simulate it, compare the light curves, correct it, and repeat.
 
 Zernike polynomials are fitted to the measured surface. The model is the scene with this surface; its light curves
-follow in closed form. Differences between measured and modelled centroids are slopes that the model lacks. Only these
-small differences go through triangulation and integration. So the neglected effects (averaging over a pixel, partly
-lit pixels at the edge, second-order geometry, sampling by lines) act only on the differences. This is Gauss-Newton on
-the slopes.
+follow in closed form, or from traced light where that does not hold. Differences between measured and modelled
+centroids are slopes that the model lacks. Only these small differences go through triangulation and integration. So the
+neglected effects (averaging over a pixel, partly lit pixels at the edge, second-order geometry, sampling by lines) act
+only on the differences. This is Gauss-Newton on the slopes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from irtscots_cl.measurement.reconstruction import Reconstruction, triangulated
 from irtscots_cl.measurement.scan_estimates import estimate_centroids
 from irtscots_cl.measurement.slopes import deconvolve_pixel
 from irtscots_cl.optics.chief_rays import ChiefRays
-from irtscots_cl.optics.pixel.response import PixelResponse
+from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 
@@ -33,35 +33,35 @@ MODEL_ORDER = 20  # radial order of the model: finer structure stays in the diff
 PIXELS_PER_TERM = 8  # at least, so that the model does not follow the noise
 
 
-def refine(
-    result: Reconstruction, stack: ImageStack, *, rounds: int = 4, tolerance_nm: float = 1e-3
-) -> Reconstruction:
+def refine(result: Reconstruction, stack: ImageStack, *, rounds: int = 4, tolerance_nm: float = 1e-3) -> Reconstruction:
     """Refine a reconstruction of the stack until a round changes less than tolerance_nm rms, at most `rounds` times.
 
-    updates_nm of the result contains each round's change, without piston and tilt. Pixels without light in the model
+    updates_nm of the result contains each round's change, without piston and tilt; converged says whether the last one
+    was below tolerance_nm. Pixels without light in the model
     keep their slopes. No threshold is applied to the light curves: the centroid of a curve cut at a threshold jumps as
     the light moves, and the rounds would not converge.
     """
-    fit = _fit(result)
+    fit = zernike_fit(result)
     for _ in range(rounds):
         refined = _round(result, stack, fit)
         change = remove_terms(
             result.x_mm, result.y_mm, refined.deviation_mm - result.deviation_mm, result.height_mask, "piston_tilt"
         )
         update = rms(change, result.height_mask) * 1e6
-        result = dataclasses.replace(refined, updates_nm=(*result.updates_nm, update))
-        if update < tolerance_nm:
+        converged = update < tolerance_nm
+        result = dataclasses.replace(refined, updates_nm=(*result.updates_nm, update), converged=converged)
+        if converged:
             break
     return result
 
 
-def _fit(result: Reconstruction) -> FloatArray:
+def zernike_fit(result: Reconstruction, order: int = MODEL_ORDER, pixels_per_term: int = PIXELS_PER_TERM) -> FloatArray:
     """Matrix [terms, pixels used] from heights to coefficients of Noll terms 1, 2, ... by least squares over the mask.
 
     Combinations of terms that the mask cannot separate are omitted. Groups of islands have pistons of their own.
+    order: the highest radial order; lower where a term would have fewer pixels.
     """
-    order = MODEL_ORDER
-    while (order + 1) * (order + 2) // 2 * PIXELS_PER_TERM > result.pixels_used and order > 1:
+    while (order + 1) * (order + 2) // 2 * pixels_per_term > result.pixels_used and order > 1:
         order -= 1
     radius = result.nominal.mirror.diameter_mm / 2
     x, y = result.x_mm[result.mask] / radius, result.y_mm[result.mask] / radius
@@ -71,7 +71,7 @@ def _fit(result: Reconstruction) -> FloatArray:
 
 
 def modelled(result: Reconstruction, fit: FloatArray) -> Scene:
-    """The design with the measured deviation as Zernike terms. fit: see _fit."""
+    """The design with the measured deviation as Zernike terms. fit: see zernike_fit."""
     mirror, fit_um = result.nominal.mirror, fit @ result.deviation_mm[result.mask] * 1e3
     terms = ZernikeTerms(mirror.diameter_mm / 2, "noll", dict(enumerate(fit_um.tolist(), 1)))
     return dataclasses.replace(result.nominal, mirror=dataclasses.replace(mirror, zernike=(terms,)))
@@ -82,7 +82,7 @@ def _round(result: Reconstruction, stack: ImageStack, fit: FloatArray) -> Recons
     scene, mask = modelled(result, fit), result.mask
     chief = ChiefRays(scene)
     pixels = np.flatnonzero(mask)
-    light = PixelResponse.of(chief, pixels)
+    light = PixelLight.of(chief, pixels)
     means = light.means("uv")
     model = [np.full(mask.shape, np.nan) for _ in "uv"]
     residual = []

@@ -29,7 +29,7 @@ from irtscots_cl.measurement.frame_checks import FrameChecks, check_frames
 from irtscots_cl.measurement.frame_factors import FALSE_ALARM, ScanFit, frame_gains
 from irtscots_cl.measurement.light_curves import EDGE_TOLERANCE, STRAY_SHARE, Flag
 from irtscots_cl.measurement.sample_noise import dark_noise, noise_with_light
-from irtscots_cl.optics.pixel.response import PixelResponse
+from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.setup import Setup
 
 CHUNK = 2**16  # curves handled at a time, so that large images need little more memory than their own
@@ -72,7 +72,7 @@ class ScanEstimate:
 
 
 def estimate_centroids(
-    stack: ImageStack, setup: Setup, way: str, light: PixelResponse | None = None
+    stack: ImageStack, setup: Setup, way: str, light: PixelLight | None = None
 ) -> tuple[ScanEstimate, ScanEstimate]:
     """Centroids of the light in both scans of a stack.
 
@@ -81,7 +81,7 @@ def estimate_centroids(
     in the window that the geometry allows; no profile). Pixels without a profile from the design get the windowed
     centroid in both.
     """
-    sides = [_Side(scan, setup, light or setup.pixel_response) for scan in (stack.x, stack.y)]
+    sides = [_Side(scan, setup, light or setup.pixel_light) for scan in (stack.x, stack.y)]
     for side in sides:
         side.fit()
         for _ in range(FRAME_ROUNDS):
@@ -102,7 +102,7 @@ def estimate_centroids(
 class _Side:
     """One scan on the way to its estimate."""
 
-    def __init__(self, scan: Scan, setup: Setup, light: PixelResponse):
+    def __init__(self, scan: Scan, setup: Setup, light: PixelLight):
         half_width, box_row, box_column = setup.chief_rays.light_shape("xy".index(scan.axis))
         reach = (half_width + (box_row + box_column) / 2).ravel()[scan.pixels]
         seen = setup.chief_rays.sees_mirror.ravel()[scan.pixels] & np.isfinite(reach)

@@ -10,6 +10,7 @@ from irtscots_cl.optics.elements.components import Component, components_of
 from irtscots_cl.optics.elements.direct_light import longest_direct_path
 from irtscots_cl.optics.elements.emission import Emission, plan_emission
 from irtscots_cl.optics.elements.polarisation import polarisation_change
+from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.optics.screen_windows import Windows, place_windows
 from irtscots_cl.scene.model import Scene
@@ -44,6 +45,11 @@ class Setup:
     @cached_property
     def pixel_response(self) -> PixelResponse:
         return PixelResponse.of(self.chief_rays)
+
+    @cached_property
+    def pixel_light(self) -> PixelLight:
+        """As pixel_response, with traced light where the closed form does not hold."""
+        return PixelLight.around(self.pixel_response)
 
     @cached_property
     def mirror_aim(self) -> Aim:

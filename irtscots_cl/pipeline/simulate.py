@@ -11,17 +11,21 @@ import numpy as np
 
 from irtscots_cl.analysis.comparison import Comparison, compare
 from irtscots_cl.analysis.error_terms import ErrorTerm, error_terms
+from irtscots_cl.execution.executor import Executor
+from irtscots_cl.execution.select import executor_of
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.measurement.methods import BEST, measure_by
 from irtscots_cl.measurement.prediction import predict_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
-from irtscots_cl.opencl.device import Device
+from irtscots_cl.opencl.device import Device, select_devices
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.report.facts import build_report
 from irtscots_cl.report.types import CheckFacts, Report
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
+from irtscots_cl.tracing.checks.precision import rounding_error, rounding_on
+from irtscots_cl.tracing.options import ANALYTIC
 from irtscots_cl.tracing.results.paths import PathLight
 from irtscots_cl.tracing.results.transport import LineLight, Transport
 from irtscots_cl.tracing.trace import trace
@@ -81,7 +85,9 @@ def simulate(
     result = measure_by(measure, stack, setup.nominal)
     measured = time.perf_counter()
     interruption.check()
-    comparison, predicted = compare(result, scene, zernike), predict_error(result, stack)
+    rounding = _rounding_mm(setup, transport, device, client)
+    comparison = compare(result, scene, zernike)
+    predicted = predict_error(result, stack, rounding_height_mm=rounding)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
     separated = error_terms(result, setup, measure, transport.options, device) if parts else ()
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
@@ -89,6 +95,18 @@ def simulate(
     if measure == BEST:
         report["checks"] = checks_of(result, stack)
     return Run(transport, stack, result, comparison, separated, report)
+
+
+def _rounding_mm(setup: Setup, transport: Transport | LineLight, device, client) -> float:
+    """Rms height in mm that the arithmetic of the trace adds; 0 in double precision and without rays."""
+    options = transport.options
+    if options.estimator == ANALYTIC or options.precision != "fp32":
+        return 0.0
+    if client is not None:
+        place: Executor = executor_of(None, client)
+        return place.call(rounding_on, setup.scene.to_toml(), options.precision).height_nm * 1e-6
+    first = select_devices()[0] if device is None else device if isinstance(device, Device) else device[0]
+    return rounding_error(setup, first, options.precision).height_nm * 1e-6
 
 
 def checks_of(result: Reconstruction, stack: ImageStack) -> list[CheckFacts]:
@@ -120,5 +138,5 @@ def outlook(traced: Transport | LineLight | PathLight, measure: str, nominal: Se
         result = measure_by("fine" if measure == "refined" else measure, stack, nominal or traced.scene.nominal())
     except ValueError:  # too little light yet
         return words
-    height_nm = predict_error(result, stack).height_mm * 1e6
+    height_nm = predict_error(result, stack, systematic=False).height_mm * 1e6
     return f"{words}, height error {height_nm:.2g} nm" if np.isfinite(height_nm) else words

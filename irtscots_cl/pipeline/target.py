@@ -140,7 +140,8 @@ def _pilot(setup: Setup, device: Device, way: TraceOptions, measures: list[str])
                     smoothing=way.smoothing, rays_per_pixel=rays, replicates=REPLICATES)  # fmt: skip
         stack = run.images(LineScan(setup.scene))
         results = {name: measure_by(name, stack, setup.nominal) for name in dict.fromkeys(simple.values())}
-        heights.append({name: predict_error(r, stack).ray_noise_height_mm * 1e6 for name, r in results.items()})
+        predicted = {name: predict_error(r, stack, systematic=False) for name, r in results.items()}
+        heights.append({name: error.ray_noise_height_mm * 1e6 for name, error in predicted.items()})
     any_measure = next(iter(results))
     fell = np.log(heights[1][any_measure] / heights[0][any_measure]) / np.log(many / few)
     return _Noise(

@@ -19,6 +19,7 @@ from irtscots_cl.report.types import (
     HeightErrors,
     Ledger,
     PathReport,
+    Predicted,
     Refused,
     Report,
     Seconds,
@@ -56,6 +57,7 @@ def build_report(
         "smoothing": transport.options.smoothing,
         "measure": measure,
         "refinement_updates_nm": list(result.updates_nm),
+        "refinement_converged": result.converged,
         "replicates": transport.replicates,
         "versions": versions(),
         "rays_total": transport.rays_total,
@@ -65,25 +67,34 @@ def build_report(
         "ledger": cast("Ledger", transport.ledger),
         "pixels_used": comparison.pixels_used,
         "light_curves_refused": cast("Refused", result.refused()),
+        "pixels_with_traced_light": int(result.light_traced().sum()),
+        "pixels_without_model": int(result.without_model().sum()),
         "slope_error_urad_rms": cast("AlongAxes", {axis: e.value for axis, e in slopes.items()}),
         "slope_error_urad_rms_standard_error": cast("AlongAxes", {a: e.standard_error for a, e in slopes.items()}),
         "height_error_nm_rms": cast("HeightErrors", {terms: e.value for terms, e in heights.items()}),
         "height_error_nm_rms_standard_error": cast("HeightErrors", {t: e.standard_error for t, e in heights.items()}),
         "height_standard_error_nm": comparison.height_standard_error_nm,
-        "predicted": {
-            "slope_error_urad_rms": as_xy(predicted.slope),
-            "slope_ray_noise_urad_rms": as_xy(predicted.ray_noise_slope),
-            "slope_line_sampling_urad_rms": as_xy(predicted.line_sampling_slope),
-            "height_error_nm_rms_piston_tilt": predicted.height_mm * 1e6,
-            "height_ray_noise_nm_rms": predicted.ray_noise_height_mm * 1e6,
-            "height_line_sampling_nm_rms": predicted.line_sampling_height_mm * 1e6,
-        },
+        "predicted": _predicted_facts(predicted),
         "error_parts": [error_term_facts(part) for part in parts],
         "zernike": [cast("ZernikeFacts", dataclasses.asdict(row)) for row in comparison.zernike],
         "zernike_fit": fit,
         "islands": islands,
         "integration_misfit": misfit,
         "warnings": quality_warnings(islands, misfit, fit, transport.scene.mirror.obscuration_mm > 0),
+    }
+
+
+def _predicted_facts(predicted: PredictedError) -> Predicted:
+    return {
+        "slope_error_urad_rms": as_xy(predicted.slope),
+        "slope_ray_noise_urad_rms": as_xy(predicted.ray_noise_slope),
+        "slope_line_sampling_urad_rms": as_xy(predicted.line_sampling_slope),
+        "height_error_nm_rms_piston_tilt": predicted.height_mm * 1e6,
+        "height_ray_noise_nm_rms": predicted.ray_noise_height_mm * 1e6,
+        "height_line_sampling_nm_rms": predicted.line_sampling_height_mm * 1e6,
+        "height_systematic_nm_rms": predicted.systematic_height_mm * 1e6,
+        "height_rounding_nm_rms": predicted.rounding_height_mm * 1e6,
+        "bound": predicted.why,
     }
 
 

@@ -24,8 +24,9 @@ from irtscots_cl.report.types import (
     ZernikeFitFacts,
 )
 
-
 CLEAR = 3.0  # standard errors: smaller coefficients are counted, not listed
+
+ROUNDING_SHARE = 0.5  # of all other errors: more rounding than that is said
 
 
 @dataclass(frozen=True)
@@ -152,14 +153,23 @@ def _run_table(report: Report) -> Table:
             ("ledger", fates),
             ("pixels used", pixels_text(report["pixels_used"], refused)),
             ("slopes of no surface", misfit_text(report["integration_misfit"])),
+            *_model_rows(report),
         ],
     )
+
+
+def _model_rows(facts: Report | MeasuredFacts) -> list[tuple[str, str]]:
+    """Pixels whose light has no closed form, where there are any."""
+    counts = {"traced light": facts["pixels_with_traced_light"], "no model": facts["pixels_without_model"]}
+    words = ", ".join(f"{count:,} {name}" for name, count in counts.items() if count)
+    return [("without a closed form", words)] if words else []
 
 
 def measured_tables(facts: MeasuredFacts) -> list[Table]:
     """The results of pipeline.measure for a lab's images: the deviation, the islands, the Zernike coefficients, and the
     checks that did not pass."""
     rows = [("pixels used", pixels_text(facts["pixels_used"], facts["light_curves_refused"]))]
+    rows += _model_rows(facts)
     rows += [(f"without {terms.replace('_', ', ')} [nm]", f"{v:.4g}") for terms, v in facts["deviation_nm_rms"].items()]
     if math.isfinite(facts["height_standard_error_nm"]):
         slopes, bound = facts["slope_standard_error_urad"], facts["of_bound"]
@@ -213,6 +223,8 @@ def _error_table(report: Report) -> Table:
                 _shown(predicted["slope_error_urad_rms"][axis]),
                 _shown(predicted["slope_ray_noise_urad_rms"][axis]),
                 _shown(predicted["slope_line_sampling_urad_rms"][axis]),
+                "",
+                "",
             )
         )
     errors = cast("dict[str, float]", report["height_error_nm_rms_standard_error"])
@@ -221,13 +233,41 @@ def _error_table(report: Report) -> Table:
         parts = (
             [
                 _shown(predicted[key])
-                for key in ("height_error_nm_rms_piston_tilt", "height_ray_noise_nm_rms", "height_line_sampling_nm_rms")
+                for key in ("height_error_nm_rms_piston_tilt", "height_ray_noise_nm_rms", "height_line_sampling_nm_rms",
+                            "height_systematic_nm_rms", "height_rounding_nm_rms")
             ]
             if terms == "piston_tilt"
-            else [""] * 3
+            else [""] * 5
         )
         rows.append((f"height without {terms.replace('_', ', ')} [nm]", str(estimate), *parts))
-    return Table("Error, rms over the pixels used", ("", "actual", "predicted", "ray noise", "line sampling"), rows)
+    said = f"predicted is a bound: {predicted['bound']}" if predicted["bound"] else ""
+    head = ("", "actual", "predicted", "ray noise", "line sampling", "all systematic", "rounding")
+    return Table("Error, rms over the pixels used" + (f"; {said}" if said else ""), head, rows)
+
+
+def cautions(facts: Report | MeasuredFacts) -> list[str]:
+    """What should be known of a measurement before it is believed, one line each."""
+    said, used = [], facts["pixels_used"]
+    if facts["pixels_without_model"]:
+        said.append(
+            f"{facts['pixels_without_model']} of {used} pixels have no model of their light: they keep plain centroids"
+        )
+    if facts["refinement_converged"] is False:
+        updates = ", ".join(f"{update:.2g}" for update in facts["refinement_updates_nm"])
+        said.append(f"the refinement has not converged: its rounds changed {updates} nm rms")
+    if "predicted" in facts:
+        report = cast("Report", facts)
+        predicted = report["predicted"]
+        rounding = predicted["height_rounding_nm_rms"]
+        others = math.hypot(predicted["height_ray_noise_nm_rms"], predicted["height_systematic_nm_rms"])
+        if rounding > ROUNDING_SHARE * others and report["precision"] == "fp32":
+            said.append(
+                f"single precision adds {rounding:.2g} nm rms to the height, all other errors {others:.2g} nm; "
+                "--precision fp64 does not"
+            )
+        if predicted["bound"]:
+            said.append(f"the predicted height error is a bound, no estimate: {predicted['bound']}")
+    return said
 
 
 def _target_table(target: Target) -> Table:

@@ -91,7 +91,8 @@ class CheckFacts(TypedDict):
 
 
 class Predicted(TypedDict):
-    """The error that the images and the design let expect."""
+    """The error that the images and the design let expect. height_systematic_nm_rms: without noise and rounding, line
+    sampling included. bound: why the height error is a bound and no estimate; "" for an estimate."""
 
     slope_error_urad_rms: AlongAxes
     slope_ray_noise_urad_rms: AlongAxes
@@ -99,6 +100,9 @@ class Predicted(TypedDict):
     height_error_nm_rms_piston_tilt: float
     height_ray_noise_nm_rms: float
     height_line_sampling_nm_rms: float
+    height_systematic_nm_rms: float
+    height_rounding_nm_rms: float
+    bound: str
 
 
 class ErrorPart(TypedDict):
@@ -224,6 +228,7 @@ class Report(TypedDict):
     smoothing: bool
     measure: str
     refinement_updates_nm: list[float]
+    refinement_converged: bool | None
     replicates: int
     versions: dict[str, str]
     rays_total: int
@@ -233,6 +238,8 @@ class Report(TypedDict):
     ledger: Ledger
     pixels_used: int
     light_curves_refused: Refused
+    pixels_with_traced_light: int
+    pixels_without_model: int
     slope_error_urad_rms: AlongAxes
     slope_error_urad_rms_standard_error: AlongAxes
     height_error_nm_rms: HeightErrors
@@ -314,8 +321,11 @@ class MeasuredFacts(TypedDict):
     scene: str
     measure: str
     refinement_updates_nm: list[float]
+    refinement_converged: bool | None
     pixels_used: int
     light_curves_refused: Refused
+    pixels_with_traced_light: int
+    pixels_without_model: int
     deviation_nm_rms: HeightErrors
     zernike: list[MeasuredZernike]
     zernike_fit: ZernikeFitFacts

@@ -12,6 +12,7 @@ from irtscots_cl.opencl.device import Device
 from irtscots_cl.optics.chief_rays import check_visible
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.tracing.checks.precision import warn_of_rounding
 from irtscots_cl.tracing.estimators.analytic import trace_analytic
 from irtscots_cl.tracing.estimators.nonsequential import trace_by_path
 from irtscots_cl.tracing.estimators.sequential import trace_rays
@@ -64,8 +65,9 @@ def trace(
     saves the sums now and then, and continues from what it has; an interrupted trace that continues gives the bits of
     one that was not. finished: called with the trace so far when a replicate is complete and others are to come.
 
-    Raises ValueError for an argument out of range, SceneError if no pixel sees the screen, DeviceError if the device
-    cannot do it, checkpoint.Interrupted if the keeper ends the trace.
+    Warns by checks.precision.RoundingWarning where single precision costs more than 1 nm of height. Raises ValueError
+    for an argument out of range, SceneError if no pixel sees the screen, DeviceError if the device cannot do it,
+    checkpoint.Interrupted if the keeper ends the trace.
     """
     setup = Setup.of(scene)
     options = TraceOptions(
@@ -83,6 +85,7 @@ def trace(
         raise ValueError(f"--rays-per-pixel = {rays_per_pixel}: {must}")
     check_visible(setup.chief_rays, f"scene {setup.scene.name}")
     executor = executor_of(device, client)
+    warn_of_rounding(setup, executor.call, precision)
     fingerprint = trace_fingerprint(setup.scene, options, rays, executor.device_identity())
     checkpoint = None if keeper is None else keeper.file_of(fingerprint)
     control = RunControl(progress=progress, checkpoint=checkpoint, launch_rays=launch_rays)

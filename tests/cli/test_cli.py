@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 from faults import FaultyKernel
+from scenes import large_segment
 from synthetic import small_scene
 
 from irtscots_cl import cli
@@ -734,3 +735,22 @@ def test_noise_that_does_not_work_is_refused(irtscots, here):
     ):
         assert_refused(irtscots("run", "sphere", "--noise", file, *options), 2, *parts)
     assert everything_in(here) == ["camera.toml", "empty.toml", "map.toml"]
+def test_paths_warns_on_one_line_of_height_that_rounding_adds(irtscots, device, here):
+    (here / "segment.toml").write_text(large_segment(9).to_toml())
+    code, out, err = irtscots("paths", "segment.toml", "--rays-per-pixel", 8, "--device", device.index, "--quiet")
+    assert code == 0 and "paths from the screen to the detector" in out
+    assert re.fullmatch(
+        r"irtscots: warning: precision fp32: segment: rounding adds \S+ nm rms to the height .*; fp64 does not\n", err
+    )
+
+
+def test_run_says_on_stderr_what_should_be_known_of_the_result(irtscots, device, here, without_figures):
+    (here / "segment.toml").write_text(large_segment(25).to_toml())
+    arguments = ("run", "segment.toml", "--rays-per-pixel", 64, "--out", "out", "--device", device.index, "--quiet")
+    code, _, err = irtscots(*arguments)  # so few rays are noisier than rounding: not refused, nothing to say
+    assert (code, err) == (0, "")
+    if device.has_fp64:
+        finer = ("--sampler", "sobol", "--smoothing", "--measure", "fine")
+        code, _, err = irtscots(*arguments[:3], 16384, *arguments[4:], *finer)
+        assert code == 0
+        assert re.fullmatch(r"irtscots: warning: single precision adds \S+ nm rms to the height, all other .*\n", err)

@@ -53,7 +53,7 @@ def height_rms_nm(result: Reconstruction, height_mm: np.ndarray, terms: str) -> 
 
 
 def model_of(result: Reconstruction) -> Scene:
-    return refinement.modelled(result, refinement._fit(result))
+    return refinement.modelled(result, refinement.zernike_fit(result))
 
 
 def error_nm(result: Reconstruction, scene: Scene, terms: str = "piston_tilt_power") -> float:
@@ -186,9 +186,9 @@ def test_a_pixel_that_the_model_has_no_light_for_keeps_its_slopes(small, monkeyp
     pixel = (12, 15)
     wrong = _changed(stack, pixel, lambda flux: np.roll(flux, 1, -1))  # a slope that no smooth model has
     before = reconstruct(wrong, scene.nominal(), method="cubic")
-    valid = refinement.PixelResponse.valid
+    valid = refinement.PixelLight.valid
     monkeypatch.setattr(
-        refinement.PixelResponse, "valid", lambda light: valid(light) & (light.pixels != pixel[0] * 25 + pixel[1])
+        refinement.PixelLight, "valid", lambda light: valid(light) & (light.pixels != pixel[0] * 25 + pixel[1])
     )
     after = refine(before, wrong)
     for name in ("slope_x", "slope_y"):
@@ -196,6 +196,14 @@ def test_a_pixel_that_the_model_has_no_light_for_keeps_its_slopes(small, monkeyp
 
 
 # --- rounds -------------------------------------------------------------------------------------------------
+
+
+def test_a_refinement_says_whether_it_has_converged(small):
+    _, stack, before = small
+    assert before.converged is None
+    once, through = refine(before, stack, rounds=1), refine(before, stack)
+    assert once.updates_nm[-1] > TOLERANCE_NM and once.converged is False
+    assert through.updates_nm[-1] < TOLERANCE_NM and through.converged is True
 
 
 def test_updates_fall_from_round_to_round(small):

@@ -17,7 +17,7 @@ from irtscots_cl.measurement.reconstruction import reconstruct
 from irtscots_cl.report.facts import build_report, path_facts
 from irtscots_cl.report.html import write_html
 from irtscots_cl.report.quality import fit_facts, island_facts, misfit_facts, quality_warnings
-from irtscots_cl.report.tables import island_tables, measured_tables, path_tables, summary_tables
+from irtscots_cl.report.tables import cautions, island_tables, measured_tables, path_tables, summary_tables
 from irtscots_cl.system.atomic_files import plain
 from irtscots_cl.system.versions import versions
 from irtscots_cl.tracing.options import TraceOptions
@@ -45,6 +45,9 @@ MORE = {
     "error_parts",
     "measure",
     "refinement_updates_nm",
+    "refinement_converged",
+    "pixels_with_traced_light",
+    "pixels_without_model",
     "precision",
     "aim",
     "overfill",
@@ -161,7 +164,36 @@ def test_predictions_are_in_the_units_that_they_are_named_after(run, report):
         "height_error_nm_rms_piston_tilt": predicted.height_mm * 1e6,
         "height_ray_noise_nm_rms": predicted.ray_noise_height_mm * 1e6,
         "height_line_sampling_nm_rms": predicted.line_sampling_height_mm * 1e6,
+        "height_systematic_nm_rms": predicted.systematic.height_mm * 1e6,
+        "height_rounding_nm_rms": 0.0,
+        "bound": "",
     }
+
+
+def test_what_should_be_known_of_a_result_is_said(report):
+    assert cautions(report) == []
+    doubtful = report | {
+        "pixels_without_model": 7,
+        "refinement_converged": False,
+        "refinement_updates_nm": [1.5, 0.3, 0.31],
+        "precision": "fp32",
+        "predicted": report["predicted"] | {
+            "height_ray_noise_nm_rms": 0.3, "height_systematic_nm_rms": 0.4, "height_rounding_nm_rms": 3.6,
+            "bound": "pixels without a model",
+        },
+    }  # fmt: skip
+    model, refinement, rounding, bound = cautions(doubtful)
+    assert model.startswith(f"7 of {report['pixels_used']} pixels have no model of their light")
+    assert refinement == "the refinement has not converged: its rounds changed 1.5, 0.3, 0.31 nm rms"
+    assert "single precision adds 3.6 nm rms to the height, all other errors 0.5 nm" in rounding
+    assert bound == "the predicted height error is a bound, no estimate: pixels without a model"
+    assert cautions(doubtful | {"precision": "fp64"}) == [model, refinement, bound]
+
+
+def test_pixels_without_a_closed_form_are_counted_in_the_table(report):
+    assert "without a closed form" not in dict(summary_tables(report)[0].rows)
+    some = report | {"pixels_with_traced_light": 1200, "pixels_without_model": 3}
+    assert dict(summary_tables(some)[0].rows)["without a closed form"] == "1,200 traced light, 3 no model"
 
 
 def test_the_report_is_json_and_what_does_not_exist_is_null():
@@ -204,6 +236,8 @@ def test_a_measurement_s_tables():
         "scene": "a",
         "pixels_used": 9000,
         "light_curves_refused": {"empty": 0, "clipped": 12},
+        "pixels_with_traced_light": 0,
+        "pixels_without_model": 0,
         "deviation_nm_rms": {"piston": 384.12, "piston_tilt": 1.0},
         "height_standard_error_nm": nan,
         "integration_misfit": {"urad_rms": 0.5, "noise_urad_rms": nan, "limit_urad_rms": 0.25, "suspicious": True},

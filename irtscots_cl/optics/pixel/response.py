@@ -185,24 +185,13 @@ class PixelResponse:
         share = cells.sum(cells.weight, len(self.pixels))
         return np.where(share > ROUNDING, share, 0.0)
 
-    def light(self, output: str, edges_mm: np.ndarray, chosen: np.ndarray | None = None) -> np.ndarray:
-        """Shares [m, lines] of the pixels' areas, times cos^4, between adjacent edges_mm [m, lines + 1] of u or v.
-
-        chosen: [m] indices into `pixels`, each once; None: all.
-        """
+    def light(self, output: str, edges_mm: np.ndarray) -> np.ndarray:
+        """Shares [n, lines] of the pixels' areas, times cos^4, between adjacent edges_mm [n, lines + 1] of u or v."""
         cells = self.cells(output)
-        row = cells.pixel
-        if chosen is not None:
-            place = np.full(len(self.pixels), -1)
-            place[chosen] = np.arange(len(chosen))
-            wanted = place[cells.pixel] >= 0
-            cells, row = cells.part(wanted), place[cells.pixel[wanted]]
         below = np.zeros(edges_mm.shape)
-        for first in range(0, len(row), CHUNK):
-            interruption.check()
-            rows = row[first : first + CHUNK]
-            part = self._below(output, cells.part(slice(first, first + CHUNK)), edges_mm[rows])
-            np.add.at(below, rows, part)
+        for first in range(0, len(cells.pixel), CHUNK):
+            part = cells.part(slice(first, first + CHUNK))
+            np.add.at(below, part.pixel, self._below(output, part, edges_mm[part.pixel]))
         return np.diff(below, axis=1)
 
     def _below(self, output: str, cells: PixelQuadrature, edges_mm: np.ndarray) -> np.ndarray:

@@ -1,0 +1,85 @@
+"""A surface with a map of fine structure on top of its Zernike terms, as the camera's pixels sampled it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+
+import numpy as np
+from scipy import ndimage
+
+from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.optics.surface import Surface
+
+STEP = 0.05  # pixels, of the differences that give the slopes
+
+
+@dataclass(frozen=True, eq=False)
+class PixelMap:
+    """Heights in mm on the detector's grid [rows, columns], as a cubic spline of the mirror's x, y.
+
+    design: the chief rays of the design, which give the pixel that sees a point of the mirror.
+    """
+
+    design: ChiefRays
+    coefficients: np.ndarray = field(repr=False)
+
+    @classmethod
+    def of(cls, design: ChiefRays, height_mm: np.ndarray) -> PixelMap:
+        """A map through the finite values of height_mm [rows, columns]; beyond them the nearest one counts."""
+        _, nearest = ndimage.distance_transform_edt(~np.isfinite(height_mm), return_indices=True)
+        return cls(design, ndimage.spline_filter(height_mm[tuple(nearest)], order=3, mode="mirror"))
+
+    def height(self, x_mm, y_mm) -> np.ndarray:
+        """Heights in mm at points of the mirror."""
+        return self._at(*self._pixel(x_mm, y_mm))
+
+    def gradient(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes dz/dx, dz/dy at points of the mirror."""
+        row, column = self._pixel(x_mm, y_mm)
+        by_row = (self._at(row + STEP, column) - self._at(row - STEP, column)) / (2 * STEP)
+        by_column = (self._at(row, column + STEP) - self._at(row, column - STEP)) / (2 * STEP)
+        slopes = []
+        for move_x, move_y in ((1.0, 0.0), (0.0, 1.0)):  # in mm: the pixel is a smooth function of the point
+            after, before = (self._pixel(x_mm + k * move_x, y_mm + k * move_y) for k in (0.5, -0.5))
+            slopes.append(by_row * (after[0] - before[0]) + by_column * (after[1] - before[1]))
+        return slopes[0], slopes[1]
+
+    def _pixel(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray]:
+        """Fractional row and column of the pixel whose chief ray meets the design at a point."""
+        camera, frame = self.design.scene.camera, self.design.camera_frame
+        points = np.stack([x_mm, y_mm, self.design.surface.sag(x_mm, y_mm)], -1)
+        along = (points - frame.position_mm) @ frame.axes.T
+        pitch, (rows, columns) = camera.detector.pitch_mm, self.design.shape
+        with np.errstate(invalid="ignore", divide="ignore"):
+            scale = -camera.image_distance_mm / along[..., 2] / pitch
+        return along[..., 1] * scale + (rows - 1) / 2, along[..., 0] * scale + (columns - 1) / 2
+
+    def _at(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+        place = np.nan_to_num(np.stack([row, column]))
+        return ndimage.map_coordinates(self.coefficients, place, order=3, mode="nearest", prefilter=False)
+
+
+@dataclass(frozen=True)
+class MappedSurface(Surface):
+    """A surface with a map on top. Only its slopes count for rays: its nanometres move no ray."""
+
+    extra: PixelMap | None = None
+
+    def gradient(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes dz/dx, dz/dy of the surface."""
+        slopes = super().gradient(x_mm, y_mm)
+        added = self.extra.gradient(x_mm, y_mm) if self.extra is not None else (0.0, 0.0)
+        return slopes[0] + added[0], slopes[1] + added[1]
+
+
+@dataclass(frozen=True)
+class MappedChiefRays(ChiefRays):
+    """The chief rays of a scene whose mirror has a map on top."""
+
+    extra: PixelMap | None = None
+
+    @cached_property
+    def surface(self) -> MappedSurface:
+        own = Surface.of(self.scene.mirror)
+        return MappedSurface(*(getattr(own, f.name) for f in fields(own)), self.extra)
