@@ -17,6 +17,7 @@ from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import poisson_error
+from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.light_profiles import sampling_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
@@ -75,29 +76,16 @@ def predict_error(
 ) -> PredictedError:
     """Predict the slope and height errors of a reconstruction from the design and from its own light curves.
 
-    Ray noise comes from counting statistics of each curve's rays if these are independent, and from the scatter of the
-    replicates for other samplers and for lab images. The prediction is NaN if neither is available. systematic: also
+    Noise comes from the images themselves for signed samples (error_bars.py); else from counting statistics of each
+    curve's rays if these are independent, and from the scatter of the replicates for other samplers. The prediction is NaN if neither is available. systematic: also
     predict what is left without noise (systematic_error.py), which costs about as much as the measurement; false:
     line sampling alone. rounding_height_mm: of the trace's arithmetic, for a simulation.
     """
-    chief = result.setup.chief_rays
-    scale = _slope_per_mm(chief, result)
-    mask, noise, bias = result.mask, [], []
-    sharpened = 1.0 if result.pixel_average else SHARPENED
-    for k, scan in enumerate((stack.x, stack.y)):
-        on_grid = np.full(mask.size, np.nan)
-        on_grid[scan.pixels] = poisson_error(scan, scan.mean_w())
-        counted = on_grid.reshape(mask.shape) * scale[k]
-        measured = jackknife_error(result.estimates(f"slope_{scan.axis}")) / sharpened
-        noise.append(np.where(np.isfinite(counted), counted, measured))
-        bias.append(_line_sampling(result, scan) * scale[k])
-    random = np.random.default_rng(0)
-    known = all(np.isfinite(part[mask]).any() for part in noise)
-    draws = [np.nan_to_num(part) * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
-    if not result.pixel_average:  # sharpening makes noise of neighbours differ more, which integration evens out
-        draws = [deconvolve_pixel(part, mask) for part in draws]
-        noise = [part * sharpened for part in noise]
-    heights = _heights(result, draws[0], draws[1])
+    scale = _slope_per_mm(result.setup.chief_rays, result)
+    mask = result.mask
+    bias = [_line_sampling(result, scan) * scale[k] for k, scan in enumerate((stack.x, stack.y))]
+    noise, heights = _noise(result, stack, scale)
+    known = bool(heights)
     unresolved = _unresolved(result, stack, scale)
     steady = systematic_error(result, stack, np.stack(heights) if known else None) if systematic else None
     return PredictedError(
@@ -110,6 +98,34 @@ def predict_error(
         unresolved,
         _why_bound(result, steady, unresolved) if systematic else "",
     )
+
+
+def _noise(
+    result: Reconstruction, stack: ImageStack, scale: list[FloatArray]
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Standard errors of the slopes [rows, columns], and height maps of such noise, piston and tilt removed; no maps
+    where the noise is not known."""
+    mask = result.mask
+    bars = error_bars(result)
+    if bars is not None:
+        maps = [remove_terms(result.x_mm, result.y_mm, h, result.height_mask, "piston_tilt") for h in bars.draws_mm]
+        return [bars.slope_x, bars.slope_y], maps
+    noise = []
+    sharpened = 1.0 if result.pixel_average else SHARPENED
+    for k, scan in enumerate((stack.x, stack.y)):
+        on_grid = np.full(mask.size, np.nan)
+        on_grid[scan.pixels] = poisson_error(scan, scan.mean_w())
+        counted = on_grid.reshape(mask.shape) * scale[k]
+        measured = jackknife_error(result.estimates(f"slope_{scan.axis}")) / sharpened
+        noise.append(np.where(np.isfinite(counted), counted, measured))
+    if not all(np.isfinite(part[mask]).any() for part in noise):
+        return noise, []
+    random = np.random.default_rng(0)
+    draws = [np.nan_to_num(part) * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
+    if not result.pixel_average:  # sharpening makes noise of neighbours differ more, which integration evens out
+        draws = [deconvolve_pixel(part, mask) for part in draws]
+        noise = [part * sharpened for part in noise]
+    return noise, _heights(result, draws[0], draws[1])
 
 
 def _why_bound(result: Reconstruction, steady: SystematicError | None, unresolved_mm: float) -> str:

@@ -16,7 +16,6 @@ from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.pixel.chord import MIN_HALF_BOX, Chord, chord_integrals
 from irtscots_cl.optics.pixel.quadrature import PixelQuadrature, cut_cells, join, whole_cells, without
 from irtscots_cl.optics.pixel.ray_map import RayMap
-from irtscots_cl.system import interruption
 
 MAX_RESIDUAL = 2e-3  # of the aperture image's radius: largest residual of a map's fit
 MAX_BEND = 0.02  # of the same radius: beyond it the first order in Q is wrong by more than 4e-4
