@@ -33,7 +33,8 @@ from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.optics.setup import Setup
 
 CHUNK = 2**16  # curves handled at a time, so that large images need little more memory than their own
-FRAME_ROUNDS = 3  # of leaving out wrong frames and fitting again
+FRAME_ROUNDS = 5  # of leaving out wrong frames and fitting again
+FEIGNED = 0.2  # of the largest offset of a frame: it moves the levels that the others are counted from
 GAIN_ROUNDS = 6  # of finding gains and fitting again
 DARK = 1e-3  # of a typical peak: light outside the windows that is none, in images without noise
 STRAY_SIGMAS = 6.0  # light outside a window that noise makes once in 1e9 curves
@@ -231,7 +232,8 @@ class _Side:
             wrong[:] = False
         self.shows[wrong] = self.frames.shows[wrong]
         self.usable &= ~wrong
-        offset[~self.usable] = 0.0
+        # a wrong frame was in the levels that the offsets are counted from: they are found again without it
+        offset[~self.usable | wrong.any()] = 0.0
         if not wrong.any() and not offset.any():
             return False
         self.offset += offset
@@ -261,7 +263,11 @@ class _Side:
                 total += np.bincount(lines.ravel(), part.ravel(), count)
         number = np.maximum(sums[0], 1)
         mean = sums[1] / number
-        return np.where(np.abs(mean) > STRAY_SIGMAS * np.sqrt(floor / number), mean, 0.0), sums[2].astype(np.int64)
+        # an offset of all frames belongs to the pixels' levels, and one of a single frame has moved those of all
+        mean -= np.median(mean[self.usable])
+        # the largest come first: what they feign in the other frames goes with them
+        least = np.maximum(STRAY_SIGMAS * np.sqrt(floor / number), FEIGNED * np.abs(mean).max())
+        return np.where(np.abs(mean) > least, mean, 0.0), sums[2].astype(np.int64)
 
     def _dark_level(self) -> tuple[FloatArray, FloatArray]:
         """Level and slope [n] of each curve's background: of the fit, or of the samples outside."""

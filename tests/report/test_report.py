@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import re
 
 import numpy as np
@@ -16,7 +17,7 @@ from irtscots_cl.measurement.prediction import predict_error
 from irtscots_cl.measurement.reconstruction import reconstruct
 from irtscots_cl.report.facts import build_report, path_facts
 from irtscots_cl.report.html import write_html
-from irtscots_cl.report.tables import measured_table, path_tables, summary_tables
+from irtscots_cl.report.tables import measured_tables, path_tables, summary_tables
 from irtscots_cl.system.atomic_files import plain
 from irtscots_cl.system.versions import versions
 from irtscots_cl.tracing.options import TraceOptions
@@ -131,6 +132,7 @@ def test_the_report_s_numbers_are_the_run_s(run, report):
         "empty": 1,
         "stray": 0,
         "saturated": 0,
+        "masked": 0,
         "clipped": 0,  # pixels beside the mirror are not refused
     }
     assert report["slope_error_urad_rms"]["x"] == comparison.slope_error_urad["x"].value
@@ -192,18 +194,45 @@ def test_a_mirror_without_deviation_has_no_table_of_coefficients(report):
     assert len(summary_tables(plain_mirror)) == 2
 
 
+CHECK = {"name": "saturation", "level": "ok", "value": 0.0, "limit": 0.0, "false_alarm": 1e-6, "text": "none"}
+
+
 def test_a_measurement_s_table():
     facts = {
         "scene": "a",
         "pixels_used": 9000,
         "light_curves_refused": {"empty": 0, "clipped": 12},
         "deviation_nm_rms": {"piston": 384.12, "piston_tilt": 1.0},
+        "height_standard_error_nm": math.nan,
+        "checks": [CHECK],
     }
-    assert measured_table(facts).rows == [
+    (table,) = measured_tables(facts)  # no errors are known, no check has failed
+    assert table.rows == [
         ("pixels used", "9,000, not used: 12 clipped"),
         ("without piston [nm]", "384.1"),
         ("without piston, tilt [nm]", "1"),
     ]
+
+
+def test_a_measurement_s_table_with_error_bars_and_failed_checks():
+    facts = {
+        "scene": "a",
+        "pixels_used": 9000,
+        "light_curves_refused": {},
+        "deviation_nm_rms": {"piston": 384.12},
+        "height_standard_error_nm": 1.2345,
+        "slope_standard_error_urad": {"x": 0.05678, "y": 0.06},
+        "of_bound": {"x": 1.0123, "y": 1.1},
+        "checks": [CHECK, CHECK | {"name": "gains x", "level": "warning", "text": "frame 3 is dark"}],
+    }
+    table, checks = measured_tables(facts)
+    assert table.rows[2:] == [
+        ("standard error of the height [nm]", "1.23"),
+        ("standard error of the slopes [urad]", "0.0568, 0.06"),
+        ("centroids' error / Cramer-Rao bound", "1.01, 1.1"),
+    ]
+    assert checks.rows == [("gains x", "warning", "frame 3 is dark")]
+    assert "1 passed" in checks.title
 
 
 def test_paths_with_their_focus_and_blur():

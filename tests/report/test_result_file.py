@@ -267,7 +267,7 @@ def _linked(link):
         (_raw, f"/images/x: {ELSEWHERE}"),
         (
             _with(images=np.full((3, 2, 2), 1e101)),
-            "images or line positions of the x scan hold values that are not finite or beyond 1e+100",
+            "images or line positions of the x scan hold values beyond 1e+100",
         ),
         (
             _with(images=np.ones((3, 2))),
@@ -282,11 +282,11 @@ def _linked(link):
         (_with(lines=[0.4, 0.2, 0.0]), "the line positions of the x scan must grow from line to line"),
         (
             _with(lines=[0.0, np.nan, 0.4]),
-            "images or line positions of the x scan hold values that are not finite",
+            "line positions of the x scan hold values that are not finite",
         ),
         (
             _with(images=np.full((3, 2, 2), np.inf)),
-            "images or line positions of the x scan hold values that are not ",
+            "images or line positions of the x scan hold values beyond 1e+100",
         ),
     ],
 )
