@@ -28,6 +28,8 @@ ROUNDS = 4  # of moving the profile at most
 DIM = 0.02  # of a curve's peak: noise that grows with the light is taken to be at least that of so much light
 BEYOND = 1.1  # half-extents of a pixel's light that hold all of it
 COVERED = 0.5  # least share of a pixel's light that its window must hold
+SEEN = 0.02  # least share of it on samples that count: others are missing, saturated, or of a wrong frame
+TINY = 1e-90  # of any unit: less light is none, and its square no number
 MIN_SAMPLES = 3  # with light: for place and flux, and one more
 
 
@@ -47,7 +49,7 @@ class SampleNoise:
         """Weights [n, W] of samples with light [n, W]: finite in images without noise too, and not too high in the
         flanks, where the profile is wrong by as much as at the peak."""
         peak = _peak(light)
-        least = np.where(peak > 0, (PROFILE_ERROR * peak) ** 2, 1.0)  # a curve without light: anything finite
+        least = np.where(peak > TINY, (PROFILE_ERROR * peak) ** 2, 1.0)  # a curve without light: anything finite
         weight: FloatArray = 1 / (self.variance(light) + least)
         return weight
 
@@ -231,7 +233,7 @@ def covariances(
     best = windows.allowed / np.where(known, variance, np.inf)
     # a dark sample without noise tells the background exactly
     normal, _ = _normal(windows, columns, best, np.where(noise.floor > 0, noise.floor, 1e-6 / _highest(best)))
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         error = np.sqrt(np.einsum("ni,nij,nj->n", row, spread, row)) / fits.flux
         bound = np.sqrt(_inverse(normal, tilted)[:, 1, 1]) / fits.flux
     return error, np.where(np.asarray(best.any(1)), bound, 0.0)
@@ -269,6 +271,7 @@ def _fits(
         chi_square = (residual**2 * noise.weight(light)).sum(1)
     # a fit that has left the samples fits noise
     found = np.isfinite(place) & (flux > 0) & (share.sum(1) >= COVERED)
+    found &= (share * windows.allowed).sum(1) >= SEEN
     light, by_place = np.where(found[:, None], light, 0.0), np.where(found[:, None], by_place, 0.0)
     residual = np.where(found[:, None], residual, 0.0)
     return CurveFits(
@@ -310,7 +313,7 @@ def centroid_fits(
     """
     level, slope, level_variance, slope_variance, covariance = _background(windows, tilted)
     lines = windows.lines - windows.middle
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         light = np.where(windows.allowed, windows.samples - level[:, None] - slope[:, None] * lines, 0.0) / gain
         flux = light.sum(1)
         at = np.where(windows.allowed, scan.positions_mm[0] + line_pitch(scan) * windows.lines, 0.0)
@@ -322,8 +325,10 @@ def centroid_fits(
         variance += noise.floor * (
             by_level**2 * level_variance + by_slope**2 * slope_variance + 2 * by_level * by_slope * covariance
         )
-    found = (flux > 0) & np.isfinite(place) & ~_missing(windows)
-    return np.where(found, place, np.nan), np.where(found, np.sqrt(variance), np.nan), np.where(found, flux, np.nan)
+    # of a flux that is nearly zero neither is finite
+    found = (flux > 0) & np.isfinite(place) & np.isfinite(variance) & ~_missing(windows)
+    error = np.sqrt(np.where(found, variance, np.nan))
+    return np.where(found, place, np.nan), error, np.where(found, flux, np.nan)
 
 
 def _missing(windows: CurveWindows) -> BoolArray:

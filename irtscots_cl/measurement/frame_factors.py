@@ -57,6 +57,11 @@ def frame_gains(x: ScanFit, y: ScanFit) -> FrameGains:
     """The gains of the frames of both scans. Their mean is 1 within PRIOR: it belongs to the fluxes."""
     _, in_x, in_y = np.intersect1d(x.pixels, y.pixels, assume_unique=True, return_indices=True)
     good = np.isfinite(x.fits.place_mm[in_x]) & np.isfinite(y.fits.place_mm[in_y]) & x.whole[in_x] & y.whole[in_y]
+    # a pixel whose fluxes differ by more than gains do is not one light in both scans
+    with np.errstate(over="ignore"):
+        ratio = np.where(good, x.fits.flux[in_x], 1.0) / np.where(good, y.fits.flux[in_y], 1.0)
+    typical = float(np.median(ratio[good])) if good.any() else 1.0
+    good &= (ratio > LIMITS[0] * typical) & (ratio < LIMITS[1] * typical)
     in_x, in_y = in_x[good], in_y[good]
     every = max(1, -(-len(in_x) // MAX_PIXELS))
     sides = ((x, in_x[::every]), (y, in_y[::every]))

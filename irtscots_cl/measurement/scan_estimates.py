@@ -203,7 +203,7 @@ class _Side:
             )
             start = np.where(np.isfinite(self.fits.place_mm), self.fits.place_mm, start)
             before = self.noise
-            self.noise = noise_with_light(self.windows, self.fits, before.floor, self._scatter())
+            self.noise = noise_with_light(self.windows, self.fits, before, self._scatter())
             if abs(self.noise.per_light - before.per_light) <= 0.1 * self.noise.per_light:
                 break
         self.place_mm = start

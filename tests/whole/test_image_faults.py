@@ -11,6 +11,7 @@ from irtscots_cl.maths.low_order import rms
 from irtscots_cl.measurement import error_bars as bars
 from irtscots_cl.measurement.quality import OK, check_images
 from irtscots_cl.measurement.reconstruction import reconstruct
+from irtscots_cl.measurement.saturation import find_ceiling
 from irtscots_cl.measurement.scan_estimates import estimate_centroids
 
 NOISE = 0.002  # of the peak
@@ -20,10 +21,7 @@ EXACT_NM = 1.5  # what the height may differ by however small its stated error i
 
 def measured(images: Images, scene):
     """Checks, and the height before any refinement, which costs most of the time and changes no noise."""
-    stack = images.stack()
-    setup = setup_of(scene)
-    from irtscots_cl.measurement.saturation import find_ceiling
-
+    stack, setup = images.stack(), setup_of(scene)
     stack = stack.saturating_at(find_ceiling(stack))
     estimates = estimate_centroids(stack, setup, "likelihood")
     checks = {check.name: check for check in check_images(stack, setup, estimates)}
@@ -46,14 +44,13 @@ def noise_free():
     return of
 
 
-def parameters():
-    for fault in FAULTS:
-        # line positions in metres would make windows of thousands of lines
-        later = pytest.mark.xfail(strict=False, reason=fault.later, run=fault.name != "lines in metres")
-        yield pytest.param(fault, id=fault.name, marks=later if fault.later else ())
+def parameter(fault: Fault):
+    # line positions in metres would make windows of thousands of lines
+    later = pytest.mark.xfail(strict=False, reason=fault.later, run=fault.name != "lines in metres")
+    return pytest.param(fault, id=fault.name, marks=later if fault.later else ())
 
 
-@pytest.mark.parametrize("fault", parameters())
+@pytest.mark.parametrize("fault", [parameter(fault) for fault in FAULTS])
 def test_a_fault_is_mended_named_or_refused(fault: Fault, noise_free, monkeypatch):
     monkeypatch.setattr(bars, "MAX_DRAWS", DRAWS)
     noisy = images_of(fault.scene).noisy(NOISE, seed=1)
