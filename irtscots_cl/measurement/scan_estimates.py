@@ -226,9 +226,10 @@ class _Side:
         """Subtract the offsets of the frames, and leave out those that show another line. Whether there were any."""
         offset, bright = self._dark_light_of_frames()
         self.frames = check_frames(self.scan, self.windows, self.fits, self.noise, bright)
-        wrong = self.frames.wrong & self.usable
+        wrong = self.frames.worst(self.usable)
         # a scan of which most frames look wrong is something else: its own checks say what
-        if wrong.sum() > len(wrong) / 4:
+        if (wrong | ~self.usable).sum() > len(wrong) / 4:
+            self.shows = np.where(self.usable, self.frames.shows, self.shows)
             wrong[:] = False
         self.shows[wrong] = self.frames.shows[wrong]
         self.usable &= ~wrong
@@ -363,11 +364,15 @@ class _Side:
         return np.where(np.isnan(self.curves).any(1) & ~self.saturated & ~np.isfinite(place), Flag.MASKED, flags)
 
     def _stray(self, flux: FloatArray) -> BoolArray:
-        """Curves [n] with a second light: a box of the light's width outside the window that is bright beyond noise."""
+        """Curves [n] with a second light: a box of the light's width outside the window that is bright beyond noise.
+
+        Level and noise are those of the samples beside the box: a second light raises both of all samples together.
+        """
         box = max(1, round(2 * float(np.median(self.reach)) / line_pitch(self.scan) * 0.6)) if len(self.reach) else 1
         count = len(self.scan.positions_mm)
         found = np.zeros(len(self.curves), bool)
         level, slope = self._dark_level()
+        common = float(np.median(self.noise.floor)) if len(found) else 0.0
         half = self.windows.allowed.shape[1] // 2 + 1
         for chosen in self._chunks():
             scan, values = self._part(chosen, self.curves)
@@ -375,9 +380,16 @@ class _Side:
             away &= self.usable[np.minimum(scan.lines, count - 1)] & (scan.lines < count)
             dark = level[chosen, None] + slope[chosen, None] * (scan.lines - self.windows.middle)
             over = np.where(away, values - dark, 0.0)
-            total = np.cumsum(np.pad(over, ((0, 0), (1, 0))), axis=1)
-            brightest = (total[:, box:] - total[:, :-box]).max(1, initial=0.0)
+            number, total, square = (np.cumsum(np.pad(v, ((0, 0), (1, 0))), axis=1) for v in (away, over, over**2))
+            inside = [v[:, box:] - v[:, :-box] for v in (number, total, square)]
+            if not inside[0].shape[1]:
+                continue
+            at = np.argmax(inside[1], axis=1)[:, None]
+            n_box, in_box, squares = (np.take_along_axis(v, at, 1)[:, 0] for v in inside)
+            beside = np.maximum(number[:, -1] - n_box, 1)
+            mean = (total[:, -1] - in_box) / beside
+            variance = np.maximum((square[:, -1] - squares) / beside - mean**2, common)
+            excess = in_box - n_box * mean
             # the brightest of many boxes: noise alone reaches some standard errors
-            noise = np.sqrt(box * self.noise.floor[chosen])
-            found[chosen] = (brightest > STRAY_SHARE * flux[chosen]) & (brightest > STRAY_SIGMAS * noise)
+            found[chosen] = (excess > STRAY_SHARE * flux[chosen]) & (excess > STRAY_SIGMAS * np.sqrt(n_box * variance))
         return found
