@@ -60,7 +60,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.imaging.image_files import read_images
     from irtscots_cl.measurement.methods import check_measure
     from irtscots_cl.pipeline.measure import measure
-    from irtscots_cl.system.atomic_files import check_output_folder
+    from irtscots_cl.system.atomic_files import check_output_folder, plain
 
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder)
@@ -76,7 +76,7 @@ def _execute(options: argparse.Namespace) -> int:
         if check["level"] != "ok":
             print(f"irtscots: warning: {check['name']}: {check['text']}", file=sys.stderr)
     if options.json:
-        print_json(facts)
+        print_json(plain(facts))
     else:
         from irtscots_cl.report.tables import measured_tables
 

@@ -6,8 +6,9 @@ from enum import IntEnum
 
 import numpy as np
 
-from irtscots_cl.imaging.image_stack import Scan
+from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
+from irtscots_cl.optics.chief_rays import ChiefRays
 
 EDGE_TOLERANCE = 0.05  # lines: light lost there shifts the centroid by about 0.8 um, 0.1 urad
 DARK_EDGE_TOLERANCE = 0.5  # lines, if the edge line is dark: noise moves the centroid of a few rays
@@ -64,3 +65,18 @@ def flag_curves(scan: Scan, curves_w: FloatArray, centroid_mm: FloatArray, reach
     flags = np.where((scan.flux_w >= scan.saturation_w).any((0, -1)), Flag.SATURATED, flags)
     flags = np.where(lit.any(-1), flags, Flag.EMPTY)
     return np.where(np.isnan(curves_w).any(-1), Flag.MASKED, flags)
+
+
+def check_fits(stack: ImageStack, chief: ChiefRays) -> None:
+    """Raise ValueError if the images do not match the scene's detector and screen."""
+    nominal = chief.scene
+    if stack.x.shape != chief.shape or stack.y.shape != chief.shape:
+        raise ValueError(
+            f"scene {nominal.name}: images of {stack.x.shape} and {stack.y.shape} (rows, columns) do not fit; "
+            f"must be of the scene's detector, {chief.shape}"
+        )
+    for scan, lines in zip((stack.x, stack.y), nominal.screen.pixels, strict=True):
+        if len(scan.positions_mm) != lines:
+            raise ValueError(
+                f"{len(scan.positions_mm)} images in the {scan.axis} scan, but the scene's screen has {lines} lines"
+            )

@@ -12,7 +12,7 @@ from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import centroids
-from irtscots_cl.measurement.light_curves import Flag, flag_curves
+from irtscots_cl.measurement.light_curves import Flag, check_fits, flag_curves
 from irtscots_cl.measurement.light_profiles import profile_centroids
 from irtscots_cl.measurement.scan_estimates import ScanEstimate, estimate_centroids
 from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
@@ -114,7 +114,7 @@ def reconstruct(
         raise ValueError(f"light_curve = {light_curve!r}: must be one of {', '.join(LIGHT_CURVES)}")
     setup = Setup.of(nominal)
     chief = setup.chief_rays
-    _check_fits(stack, chief)
+    check_fits(stack, chief)
     if estimates is None and light_curve in SIGNED:
         estimates = estimate_centroids(stack, setup, light_curve)
     centroid_x, centroid_y, flags = _both_scans(setup, stack, light_curve, threshold, estimates)
@@ -147,21 +147,6 @@ def reconstruct(
         jackknife_deviation_mm=deviation[1:],
         estimates_of_scans=estimates,
     )
-
-
-def _check_fits(stack: ImageStack, chief: ChiefRays) -> None:
-    """Raise ValueError if the images do not match the scene's detector and screen."""
-    nominal = chief.scene
-    if stack.x.shape != chief.shape or stack.y.shape != chief.shape:
-        raise ValueError(
-            f"scene {nominal.name}: images of {stack.x.shape} and {stack.y.shape} (rows, columns) do not fit; "
-            f"must be of the scene's detector, {chief.shape}"
-        )
-    for scan, lines in zip((stack.x, stack.y), nominal.screen.pixels, strict=True):
-        if len(scan.positions_mm) != lines:
-            raise ValueError(
-                f"{len(scan.positions_mm)} images in the {scan.axis} scan, but the scene's screen has {lines} lines"
-            )
 
 
 def _check_enough(name: str, on_mirror: BoolArray, mask: BoolArray, flags: IntArray) -> None:

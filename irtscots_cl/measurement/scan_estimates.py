@@ -27,7 +27,7 @@ from irtscots_cl.measurement.curve_fit import (
 from irtscots_cl.measurement.curve_windows import CurveWindows, find_light, line_pitch, place_windows
 from irtscots_cl.measurement.frame_checks import FrameChecks, check_frames
 from irtscots_cl.measurement.frame_factors import FALSE_ALARM, ScanFit, frame_gains
-from irtscots_cl.measurement.light_curves import EDGE_TOLERANCE, STRAY_SHARE, Flag
+from irtscots_cl.measurement.light_curves import EDGE_TOLERANCE, STRAY_SHARE, Flag, check_fits
 from irtscots_cl.measurement.sample_noise import dark_noise, noise_with_light
 from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.optics.setup import Setup
@@ -80,8 +80,9 @@ def estimate_centroids(
     setup: of the design. light: the pixels' light of a better model of the mirror; None: of the design. way:
     "likelihood" (the design's profile moved to the samples: least noise) or "windowed" (the signed samples' centroid
     in the window that the geometry allows; no profile). Pixels without a profile from the design get the windowed
-    centroid in both.
+    centroid in both. Raises ValueError if the stack does not match the scene.
     """
+    check_fits(stack, setup.chief_rays)
     sides = [_Side(scan, setup, light or setup.pixel_response) for scan in (stack.x, stack.y)]
     for side in sides:
         side.fit()
