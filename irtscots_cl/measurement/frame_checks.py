@@ -55,7 +55,8 @@ class FrameChecks:
                 if measure is None:
                     return of_kind
                 value = np.where(of_kind, measure, 0.0)
-                return of_kind & (value >= WORST * value.max())
+                worst: BoolArray = of_kind & (value >= WORST * value.max())
+                return worst
         return wrong
 
 

@@ -101,12 +101,13 @@ def reconstruct(
     """Measure the surface from line-scan images and the design scene only.
 
     nominal: the scene without deviation (scene.nominal()), or a Setup of it.
-    light_curve: "centroid" uses the light curves' centroids (paper, Eq. 4), "chord" corrects them by the profile from the design (light_profiles.py), "windowed" and
-    "likelihood" use signed samples, with noise and background (scan_estimates.py); no threshold. method: of
-    integrate_slopes. pixel_average: true to use the measured slopes, which are means over the pixels; false to convert
-    them to the pixels' centres (slopes.deconvolve_pixel). min_coverage: smallest share of a pixel's footprint that must
-    lie on the mirror. threshold: see light_curves.effective_screen_pixels. estimates: of both scans of this stack by
-    this way, where they are there already.
+    light_curve: "centroid" uses the light curves' centroids (paper, Eq. 4), "chord" corrects them by the profile from
+    the design (light_profiles.py), "windowed" and "likelihood" use signed samples, with noise and background
+    (scan_estimates.py); no threshold. method: of integrate_slopes. pixel_average: true to use the measured slopes,
+    which are means over the pixels; false to convert them to the pixels' centres (slopes.deconvolve_pixel).
+    min_coverage: smallest share of a pixel's footprint that must lie on the mirror. threshold: see
+    light_curves.effective_screen_pixels. estimates: of both scans of this stack by this way, where they are there
+    already.
 
     Raises ValueError if the stack does not match the scene or fewer than MIN_PIXELS pixels can be used.
     """
@@ -179,9 +180,7 @@ def _both_scans(
     return centroid_x, centroid_y, flags
 
 
-def _measured(
-    setup: Setup, scan: Scan, light_curve: str, threshold: float
-) -> tuple[FloatArray, IntArray]:
+def _measured(setup: Setup, scan: Scan, light_curve: str, threshold: float) -> tuple[FloatArray, IntArray]:
     """Centroids [1 + replicates, rows, columns] in mm, NaN where there is none, and flags [rows, columns]."""
     curves = scan.jackknife_w()
     on_grid = np.full((len(curves), scan.shape[0] * scan.shape[1]), np.nan)

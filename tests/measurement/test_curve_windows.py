@@ -103,9 +103,7 @@ def test_every_sample_is_counted_once_by_brute_force():
         np.testing.assert_allclose(windows.outside[:, n], sums, rtol=ROUNDING, atol=ROUNDING)
         of_window = {
             int(line): value
-            for line, value, counts in zip(
-                windows.lines[n], windows.samples[n], windows.allowed[n], strict=True
-            )
+            for line, value, counts in zip(windows.lines[n], windows.samples[n], windows.allowed[n], strict=True)
             if counts
         }
         assert of_window == allowed
@@ -115,9 +113,7 @@ def test_every_sample_is_counted_once_by_brute_force():
 def test_the_light_lies_inside_and_only_background_outside():
     curves = parabolas(PLACES) + 0.25
     usable = np.ones(LINES, bool)
-    windows = place_windows(
-        scan_of(curves), curves, found_in(curves), reach_of(len(curves)), usable, HALF * PITCH
-    )
+    windows = place_windows(scan_of(curves), curves, found_in(curves), reach_of(len(curves)), usable, HALF * PITCH)
     np.testing.assert_allclose(windows.outside[3] / windows.outside[0], 0.25, rtol=1e-12)  # nothing of the light
     light = (windows.samples - 0.25 * windows.allowed).sum(1)
     np.testing.assert_allclose(light, parabolas(PLACES).sum(1), rtol=1e-12)  # all of it
@@ -128,9 +124,7 @@ def test_a_part_of_the_windows_is_the_windows_of_a_part():
     usable, place = np.ones(LINES, bool), np.linspace(2, 28, 20)
     whole = place_windows(scan_of(curves), curves, place, reach_of(20), usable, HALF * PITCH)
     chosen = np.array([3, 17, 4])
-    few = place_windows(
-        scan_of(curves[chosen]), curves[chosen], place[chosen], reach_of(3), usable, HALF * PITCH
-    )
+    few = place_windows(scan_of(curves[chosen]), curves[chosen], place[chosen], reach_of(3), usable, HALF * PITCH)
     part = whole.part(chosen)
     for name in ("first", "allowed", "samples", "outside", "lines"):
         np.testing.assert_allclose(getattr(part, name), getattr(few, name), rtol=ROUNDING, err_msg=name)
@@ -154,8 +148,7 @@ def test_curves_that_a_simulation_stores_in_part_are_dark_elsewhere():
             lit = curves[:, usable].max(1) > 0.1 * curves.max()
             np.testing.assert_allclose(places[0][lit], places[1][lit], atol=1e-6)
             one, other = (
-                place_windows(s, c, places[1], own, usable, widest)
-                for s, c in ((few, few.flux_w[0]), (whole, curves))
+                place_windows(s, c, places[1], own, usable, widest) for s, c in ((few, few.flux_w[0]), (whole, curves))
             )
             np.testing.assert_array_equal(one.allowed, other.allowed)
             np.testing.assert_array_equal(one.samples, other.samples)

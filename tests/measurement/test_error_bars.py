@@ -19,9 +19,7 @@ CHANCE = 1e-6  # of a failure of right code
 
 
 def result_of(images, way: str = "likelihood", pixel_average: bool = False):
-    return reconstruct(
-        images.stack(), setup_of(SCENE), light_curve=way, method="cubic", pixel_average=pixel_average
-    )
+    return reconstruct(images.stack(), setup_of(SCENE), light_curve=way, method="cubic", pixel_average=pixel_average)
 
 
 def bare(result, height_mm):
@@ -37,7 +35,9 @@ def test_the_scatter_of_runs_is_the_stated_error(way, pixel_average):
         mask = noisy.mask & clean.mask
         assert mask.sum() > 0.99 * clean.mask.sum()
         slopes.append([np.where(mask, getattr(noisy, n) - getattr(clean, n), np.nan) for n in ("slope_x", "slope_y")])
-        heights.append(bare(clean, np.where(clean.mask, np.nan_to_num(noisy.deviation_mm - clean.deviation_mm), np.nan)))
+        heights.append(
+            bare(clean, np.where(clean.mask, np.nan_to_num(noisy.deviation_mm - clean.deviation_mm), np.nan))
+        )
         if seed < 4:
             stated.append(error_bars(noisy))
     for k, name in enumerate(("slope_x", "slope_y")):

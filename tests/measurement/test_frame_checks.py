@@ -17,9 +17,7 @@ LINES = np.arange(21)
 def shown(images: Images) -> tuple[dict[int, int], dict[int, int]]:
     """Of both scans: frames that do not show their own line, and what they show."""
     estimates = estimate_centroids(images.stack(), setup_of(SCENE), "likelihood")
-    return tuple(
-        {int(k): int(e.frames.shows[k]) for k in np.flatnonzero(e.frames.shows != LINES)} for e in estimates
-    )
+    return tuple({int(k): int(e.frames.shows[k]) for k in np.flatnonzero(e.frames.shows != LINES)} for e in estimates)
 
 
 def with_frames(images: Images, axis: str, frames: dict[int, object]) -> Images:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from noisy_images import Images, images_of, setup_of, small
-
 from scenes import with_part
 
 from irtscots_cl.measurement.frame_factors import FALSE_ALARM, MODEL_ERROR, frame_gains

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from synthetic import noise_free_stack, small_scene
 
-from irtscots_cl.measurement import methods as measures
 from irtscots_cl.cli.common import LAB_MEASURE
+from irtscots_cl.measurement import methods as measures
 from irtscots_cl.measurement.methods import BEST, MEASURES, NOISE_FREE, Measure, check_measure, measure_by
 from irtscots_cl.measurement.reconstruction import reconstruct
 

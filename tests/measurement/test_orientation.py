@@ -1,4 +1,4 @@
-"""Orientation: each way that images can be turned and scans exchanged or reversed is named; right ones are left alone."""
+"""Orientation: every way to turn images and to exchange or reverse scans is named; right ones are left alone."""
 
 from __future__ import annotations
 

@@ -52,9 +52,7 @@ def fits_of(windows) -> CurveFits:
 # --- dark samples -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("background", "tilted"), [(0.0, False), (3.0, False), (3.0 - 0.05 * np.arange(LINES), True)]
-)
+@pytest.mark.parametrize(("background", "tilted"), [(0.0, False), (3.0, False), (3.0 - 0.05 * np.arange(LINES), True)])
 def test_the_dark_noise_is_what_was_put_in(background, tilted):
     floor = dark_noise(windows_of(drawn(background=background)), tilted)
     assert (floor == floor[0]).mean() > 0.99  # one value for all pixels

@@ -43,9 +43,7 @@ def test_a_ceiling_of_any_value_is_found(ceiling):
     assert find_ceiling(cut.stack()) == ceiling
 
 
-@pytest.mark.parametrize(
-    ("bits", "shift"), [(8, 0), (8, 8), (10, 0), (12, 0), (12, 4), (14, 2), (16, 0)]
-)
+@pytest.mark.parametrize(("bits", "shift"), [(8, 0), (8, 8), (10, 0), (12, 0), (12, 4), (14, 2), (16, 0)])
 @pytest.mark.parametrize("over", [2.0, 1.02])
 def test_the_highest_code_of_a_camera_is_a_ceiling(bits, shift, over):
     top = 2**bits - 1
@@ -66,7 +64,8 @@ def test_one_scan_alone_may_be_cut_off():
 
 
 def test_missing_samples_and_a_few_equal_ones_do_not_matter():
-    images = scaled(1.5).each(lambda a: np.where(np.random.default_rng(2).random(a.shape) < 0.1, np.nan, np.minimum(a, 1)))
+    random = np.random.default_rng(2)
+    images = scaled(1.5).each(lambda a: np.where(random.random(a.shape) < 0.1, np.nan, np.minimum(a, 1)))
     assert find_ceiling(images.stack()) == 1.0
     few = scaled(1.0)
     x = few.x.copy()

@@ -216,15 +216,11 @@ def shifted(rows: int, columns: int):
 
 
 def lines_from_zero(images: Images, random) -> Images:
-    return replace(
-        images, lines_x=images.lines_x - images.lines_x[0], lines_y=images.lines_y - images.lines_y[0]
-    )
+    return replace(images, lines_x=images.lines_x - images.lines_x[0], lines_y=images.lines_y - images.lines_y[0])
 
 
 def pitch(factor: float):
-    return lambda images, random: replace(
-        images, lines_x=images.lines_x * factor, lines_y=images.lines_y * factor
-    )
+    return lambda images, random: replace(images, lines_x=images.lines_x * factor, lines_y=images.lines_y * factor)
 
 
 # --- table --------------------------------------------------------------------------------------------------
@@ -280,7 +276,7 @@ FAULTS = [
     Fault("dark cross", cross, right=True, later=ISLANDS),
     Fault("dark ring", ring, right=True, later=ISLANDS),
     Fault("two dead columns", dead_columns, right=True, later=ISLANDS),
-    Fault("10 % of the pixels dead", dead_pixels(0.1), right=True, later=ISLANDS),
+    Fault("10 % of the pixels dead", dead_pixels(0.1), right=True),
     Fault("30 % of the pixels dead", dead_pixels(0.3), right=True, later=ISLANDS),
     Fault("50 % of the pixels dead", dead_pixels(0.5), right=True, named=("pixels",), later=ISLANDS),
     Fault("a masked pixel", masked_pixel, right=True),

@@ -43,9 +43,7 @@ class Images:
 
     def stack(self) -> ImageStack:
         """As irtscots_cl.imaging.image_files.read_images gives it."""
-        return ImageStack(
-            Scan.from_images("x", self.lines_x, self.x), Scan.from_images("y", self.lines_y, self.y)
-        )
+        return ImageStack(Scan.from_images("x", self.lines_x, self.x), Scan.from_images("y", self.lines_y, self.y))
 
 
 def sparse_stack(scene: Scene) -> ImageStack:
@@ -57,9 +55,7 @@ def sparse_stack(scene: Scene) -> ImageStack:
 def images_of(scene: Scene) -> Images:
     """The noise-free images of a scene. They are shared: change copies only."""
     stack = sparse_stack(scene)
-    whole = [
-        np.stack([scan.image(k) for k in range(len(scan.positions_mm))]) for scan in (stack.x, stack.y)
-    ]
+    whole = [np.stack([scan.image(k) for k in range(len(scan.positions_mm))]) for scan in (stack.x, stack.y)]
     for images in whole:
         images.flags.writeable = False
     return Images(*whole, stack.x.positions_mm, stack.y.positions_mm)
