@@ -22,13 +22,16 @@ from irtscots_cl.measurement.curve_windows import CurveWindows, line_pitch
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.system import interruption
 
-STEPS = 56  # of the table over a profile's extent, but at most 8 per line: interpolation moves a height by 0.1 nm
+STEPS = 28  # of the table over a profile's extent, but at most 4 per line: interpolation moves a height by 0.5 nm
+STEP = 0.05  # lines: for the derivative of a profile by differences
 PROFILE_ERROR = 1e-3  # of a curve's peak: what the modelled profile may be wrong by, in its flanks too
 NEAR = 0.02  # lines: a shorter step of the fit leaves an error below 1e-4 lines
 ROUNDS = 4  # of moving the profile at most
 DIM = 0.02  # of a curve's peak: noise that grows with the light is taken to be at least that of so much light
 BEYOND = 1.1  # half-extents of a pixel's light that hold all of it
 COVERED = 0.5  # least share of a pixel's light that its window must hold
+SEEN = 0.02  # least share of it on samples that count: others are missing, saturated, or of a wrong frame
+TINY = 1e-90  # of any unit: less light is none, and its square no number
 MIN_SAMPLES = 3  # with light: for place and flux, and one more
 
 
@@ -48,7 +51,7 @@ class SampleNoise:
         """Weights [n, W] of samples with light [n, W]: finite in images without noise too, and not too high in the
         flanks, where the profile is wrong by as much as at the peak."""
         peak = _peak(light)
-        least = np.where(peak > 0, (PROFILE_ERROR * peak) ** 2, 1.0)  # a curve without light: anything finite
+        least = np.where(peak > TINY, (PROFILE_ERROR * peak) ** 2, 1.0)  # a curve without light: anything finite
         weight: FloatArray = 1 / (self.variance(light) + least)
         return weight
 
@@ -101,13 +104,14 @@ class Profiles:
         self.known = (index >= 0) & usable[index]
         chosen = index[self.known]
         reach = float((half + np.abs(middle - centre))[chosen].max(initial=self.pitch)) * BEYOND / self.pitch
-        steps = int(np.clip(np.ceil(STEPS / (2 * reach)), 1, 8))  # per line: wide profiles are smooth
+        steps = int(np.clip(np.ceil(STEPS / (2 * reach)), 1, 4))  # per line: wide profiles are smooth
         count = int(np.ceil(reach * steps)) + 1
         self.steps, self.before = steps, count
         grid = np.arange(-count, count + 1) * self.pitch / steps
         edges = np.nan_to_num(centre)[:, None] + grid
         below = np.zeros((len(chosen), len(grid)))
         below[:, 1:] = np.cumsum(light.light(output, edges)[chosen], axis=1)
+        total = below[:, -1].copy()
         with np.errstate(invalid="ignore", divide="ignore"):
             below /= below[:, -1:]
         lit = np.isfinite(below).all(1)
@@ -115,6 +119,23 @@ class Profiles:
         self.row = np.full(len(scan.pixels), -1)
         self.row[self.known] = np.arange(int(lit.sum()))
         self.below = below[lit]
+        self.light, self.output, self.index = light, output, index
+        self.centre = np.nan_to_num(centre)
+        self.total = np.ones(len(light.pixels))
+        self.total[index[self.known]] = total[lit]
+
+    def exact_shares(self, first: IntArray, width: int, place_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As `shares`, of all n pixels, without the table; nothing for pixels that are not known."""
+        count, known = len(self.light.pixels), self.known & np.isfinite(place_mm)
+        edges = np.zeros((count, width + 1))
+        own = self.origin + self.pitch * (first[known, None] + np.arange(width + 1) - 0.5)
+        edges[self.index[known]] = own - (place_mm[known] - self.centre[self.index[known]])[:, None]
+        step = STEP * self.pitch
+        # one call: its column at the joint is of no line
+        both = self.light.light(self.output, np.concatenate([edges + step, edges - step], axis=1)) / self.total[:, None]
+        before, after = (np.zeros((len(first), width)) for _ in range(2))
+        before[known], after[known] = both[self.index[known], :width], both[self.index[known], width + 1 :]
+        return (before + after) / 2, (after - before) / (2 * step)
 
     def shares(
         self, chosen: IntArray, first: IntArray, width: int, place_mm: FloatArray
@@ -155,12 +176,19 @@ def _cubic(t: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
 
 
 def fit_profiles(
-    windows: CurveWindows, profiles: Profiles, noise: SampleNoise, gain: FloatArray, start_mm: FloatArray, tilted: bool
+    windows: CurveWindows,
+    profiles: Profiles,
+    noise: SampleNoise,
+    gain: FloatArray,
+    start_mm: FloatArray,
+    tilted: bool,
+    exact: bool = False,
 ) -> tuple[CurveFits, FloatArray]:
     """Maximum likelihood of the profiles: the fits, and the matrix of the last step for `relinearised`.
 
     gain: [n, W] of the frames of the windows' samples. start_mm: [n] first estimate of the places. tilted: fit a slope
-    of the background too. A curve without a profile, or with fewer than MIN_SAMPLES samples, gets NaN.
+    of the background too. exact: one last step from places near the solution, with profiles that are not interpolated.
+    A curve without a profile, or with fewer than MIN_SAMPLES samples, gets NaN.
     """
     place = np.where(profiles.known & (windows.allowed.sum(1) >= MIN_SAMPLES), start_mm, np.nan)
     shape = windows.allowed.shape
@@ -169,11 +197,14 @@ def fit_profiles(
     inverse = np.full((len(place), 4, 4), np.nan)
     moving = np.flatnonzero(np.isfinite(place))
     near = shape[1] * profiles.pitch / 2
-    for _ in range(ROUNDS):
+    for _ in range(1 if exact else ROUNDS):
         if not moving.size:
             break
         part, of_gain = windows.part(moving), gain[moving]
-        share[moving], by_place[moving] = profiles.shares(moving, part.first, shape[1], place[moving])
+        if exact:
+            share, by_place = profiles.exact_shares(windows.first, shape[1], place)
+        else:
+            share[moving], by_place[moving] = profiles.shares(moving, part.first, shape[1], place[moving])
         columns = _columns(part, share[moving] * of_gain, by_place[moving] * of_gain)
         weight = _weights(part, noise, moving, share[moving] * of_gain, columns)
         solved[moving], inverse[moving] = _solve(part, columns, weight, noise.floor[moving], tilted)
@@ -270,7 +301,7 @@ def covariances(
     best = windows.allowed / np.where(known, variance, np.inf)
     # a dark sample without noise tells the background exactly
     normal, _ = _normal(windows, columns, best, np.where(noise.floor > 0, noise.floor, 1e-6 / _highest(best)))
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         error = np.sqrt(np.einsum("ni,nij,nj->n", row, spread, row)) / fits.flux
         bound = np.sqrt(_inverse(normal, tilted)[:, 1, 1]) / fits.flux
     return error, np.where(np.asarray(best.any(1)), bound, 0.0)
@@ -308,6 +339,7 @@ def _fits(
         chi_square = (residual**2 * noise.weight(light)).sum(1)
     # a fit that has left the samples fits noise
     found = np.isfinite(place) & (flux > 0) & (share.sum(1) >= COVERED)
+    found &= (share * windows.allowed).sum(1) >= SEEN
     light, by_place = np.where(found[:, None], light, 0.0), np.where(found[:, None], by_place, 0.0)
     residual = np.where(found[:, None], residual, 0.0)
     return CurveFits(
@@ -349,7 +381,7 @@ def centroid_fits(
     """
     level, slope, level_variance, slope_variance, covariance = _background(windows, tilted)
     lines = windows.lines - windows.middle
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         light = np.where(windows.allowed, windows.samples - level[:, None] - slope[:, None] * lines, 0.0) / gain
         flux = light.sum(1)
         at = np.where(windows.allowed, scan.positions_mm[0] + line_pitch(scan) * windows.lines, 0.0)
@@ -361,8 +393,10 @@ def centroid_fits(
         variance += noise.floor * (
             by_level**2 * level_variance + by_slope**2 * slope_variance + 2 * by_level * by_slope * covariance
         )
-    found = (flux > 0) & np.isfinite(place) & ~_missing(windows)
-    return np.where(found, place, np.nan), np.where(found, np.sqrt(variance), np.nan), np.where(found, flux, np.nan)
+    # of a flux that is nearly zero neither is finite
+    found = (flux > 0) & np.isfinite(place) & np.isfinite(variance) & ~_missing(windows)
+    error = np.sqrt(np.where(found, variance, np.nan))
+    return np.where(found, place, np.nan), error, np.where(found, flux, np.nan)
 
 
 def _missing(windows: CurveWindows) -> BoolArray:

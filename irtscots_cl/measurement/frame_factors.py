@@ -22,7 +22,7 @@ from irtscots_cl.system import interruption
 PRIOR = 0.3  # standard deviation of a gain before the images say more: frames without light stay at 1
 FALSE_ALARM = 1e-4  # chance that gains of equal frames are corrected
 MODEL_ERROR = 0.003  # of a gain: what the design's profile, which is not quite the light's, may feign
-LIT = 0.002  # of the median frame's information: frames with less keep their gain
+LIT = 0.02  # of the median frame's light, squared: frames with less get their scan's typical gain
 LIMITS = (0.2, 5.0)  # of one change of a gain
 MAX_PIXELS = 20_000  # more do not make a gain better than its effect on a height needs
 
@@ -58,6 +58,11 @@ def frame_gains(x: ScanFit, y: ScanFit) -> FrameGains:
     """The gains of the frames of both scans. Their mean is 1 within PRIOR: it belongs to the fluxes."""
     _, in_x, in_y = np.intersect1d(x.pixels, y.pixels, assume_unique=True, return_indices=True)
     good = np.isfinite(x.fits.place_mm[in_x]) & np.isfinite(y.fits.place_mm[in_y]) & x.whole[in_x] & y.whole[in_y]
+    # a pixel whose fluxes differ by more than gains do is not one light in both scans
+    with np.errstate(over="ignore"):
+        ratio = np.where(good, x.fits.flux[in_x], 1.0) / np.where(good, y.fits.flux[in_y], 1.0)
+    typical = float(np.median(ratio[good])) if good.any() else 1.0
+    good &= (ratio > LIMITS[0] * typical) & (ratio < LIMITS[1] * typical)
     in_x, in_y = in_x[good], in_y[good]
     every = max(1, -(-len(in_x) // MAX_PIXELS))
     sides = ((x, in_x[::every]), (y, in_y[::every]))
@@ -80,9 +85,10 @@ def frame_gains(x: ScanFit, y: ScanFit) -> FrameGains:
     covariance = np.linalg.inv(normal + np.eye(count) / PRIOR**2)
     change = covariance @ right
     # a frame that lights only the tails of a few curves says more of the profile than of its gain
-    information = np.diag(normal)
-    lit = information > LIT * np.median(information[information > 0]) if information.any() else information > 0
-    change[~lit] = 0.0
+    lit = np.concatenate([_lit_frames(scan, index) for scan, index in sides])
+    for scan in (slice(x.lines), slice(x.lines, count)):
+        bright = change[scan][lit[scan]]
+        change[scan][~lit[scan]] = np.median(bright) if bright.size else 0.0
     deviation = np.sqrt(np.diag(covariance))
     chance = 1.0
     if lit.any():
@@ -91,6 +97,14 @@ def frame_gains(x: ScanFit, y: ScanFit) -> FrameGains:
     of_x, of_y = np.split(np.clip(1 + change, *LIMITS), [x.lines])
     error_x, error_y = np.split(deviation, [x.lines])
     return FrameGains(of_x, of_y, error_x, error_y, chance)
+
+
+def _lit_frames(scan: ScanFit, index: IntArray) -> BoolArray:
+    """Frames [lines] with enough light of some pixels to tell their gain from errors of the profile."""
+    frame = np.clip(scan.windows.lines[index], 0, scan.lines - 1)
+    light = np.bincount(frame.ravel(), (scan.fits.modelled[index] ** 2).ravel(), scan.lines)
+    lit: BoolArray = light > LIT * (np.median(light[light > 0]) if light.any() else 0.0)
+    return lit
 
 
 def _stacked(sides: tuple[tuple[ScanFit, IntArray], ...]) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:

@@ -10,9 +10,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from irtscots_cl.imaging.image_stack import Scan
+from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.model import Scene
 
 MAX_OFFSET = 0.5  # of the screen's pitch: from there on a line is another of the screen's lines
@@ -66,3 +67,19 @@ def _corrections(found: FloatArray, lines: FloatArray) -> Iterator[tuple[str, Fl
 def _words(positions: FloatArray) -> str:
     pitch = f", {np.diff(positions).mean():.6g} mm apart" if len(positions) > 1 else ""
     return f"{len(positions)} lines from {positions[0]:.6g} to {positions[-1]:.6g} mm{pitch}"
+
+
+def check_fits(stack: ImageStack, chief: ChiefRays) -> None:
+    """Raise ValueError if the images do not match the scene's detector and the lines of its screen."""
+    nominal = chief.scene
+    if stack.x.shape != chief.shape or stack.y.shape != chief.shape:
+        raise ValueError(
+            f"scene {nominal.name}: images of {stack.x.shape} and {stack.y.shape} (rows, columns) do not fit; "
+            f"must be of the scene's detector, {chief.shape}"
+        )
+    for scan, lines in zip((stack.x, stack.y), nominal.screen.pixels, strict=True):
+        if len(scan.positions_mm) != lines:
+            raise ValueError(
+                f"{len(scan.positions_mm)} images in the {scan.axis} scan, but the scene's screen has {lines} lines"
+            )
+        check_line_positions(scan, nominal)

@@ -241,16 +241,20 @@ def _place(setup: Setup, estimate: ScanEstimate) -> Check:
 
 def _used(setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate]) -> Check:
     on_mirror = setup.chief_rays.footprint.coverage >= 0.5
-    good = on_mirror.copy()
+    flags = np.zeros(on_mirror.shape, np.int64)
     for estimate in estimates:
-        of_scan = np.zeros(good.size, bool)
-        of_scan[estimate.scan.pixels] = estimate.flags == Flag.GOOD
-        good &= of_scan.reshape(good.shape)
-    share = float(good.sum() / max(int(on_mirror.sum()), 1))
+        of_scan = np.full(flags.size, Flag.EMPTY)
+        of_scan[estimate.scan.pixels] = estimate.flags
+        flags = np.maximum(flags, of_scan.reshape(flags.shape))
+    counts = np.bincount(flags[on_mirror], minlength=len(Flag))
+    share = float(counts[Flag.GOOD] / max(int(counts.sum()), 1))
     if share >= FEW[0]:
         text = f"{share:.1%} of the mirror's pixels have usable light curves"
         return Check("pixels", OK, share, FEW[0], 1e-6, text)
     level = ERROR if share < FEW[1] else WARNING
     limit = FEW[LEVELS.index(level) - 1]
-    text = f"only {share:.1%} of the mirror's pixels have usable light curves: the height map is of these alone"
+    reasons = ", ".join(f"{counts[flag]} {flag.name.lower()}" for flag in list(Flag)[1:] if counts[flag])
+    text = f"only {share:.1%} of the mirror's pixels have usable light curves ({reasons}); " + (
+        "too few to be measured" if level == ERROR else "the height map is of these alone"
+    )
     return Check("pixels", level, share, limit, 1e-6, text)

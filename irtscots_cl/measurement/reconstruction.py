@@ -14,7 +14,7 @@ from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_curves import Flag, flag_curves
 from irtscots_cl.measurement.light_profiles import profile_centroids
-from irtscots_cl.measurement.line_positions import check_line_positions
+from irtscots_cl.measurement.line_positions import check_fits
 from irtscots_cl.measurement.scan_estimates import ScanEstimate, estimate_centroids
 from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
 from irtscots_cl.optics.chief_rays import ChiefRays
@@ -160,13 +160,13 @@ def reconstruct(
     """Measure the surface from line-scan images and the design scene only.
 
     nominal: the scene without deviation (scene.nominal()), or a Setup of it.
-    light_curve: "centroid" uses the light curves' centroids
-    (paper, Eq. 4), "chord" corrects them by the profile from the design (light_profiles.py), "windowed" and
-    "likelihood" use signed samples, with noise and background (scan_estimates.py); no threshold. method: of
-    integrate_slopes. pixel_average: true to use the measured slopes, which are means over the pixels; false to convert
-    them to the pixels' centres (slopes.deconvolve_pixel). min_coverage: smallest share of a pixel's footprint that must
-    lie on the mirror. threshold: see light_curves.effective_screen_pixels. estimates: of both scans of this stack by
-    this way, where they are there already.
+    light_curve: "centroid" uses the light curves' centroids (paper, Eq. 4), "chord" corrects them by the profile from
+    the design (light_profiles.py), "windowed" and "likelihood" use signed samples, with noise and background
+    (scan_estimates.py); no threshold. method: of integrate_slopes. pixel_average: true to use the measured slopes,
+    which are means over the pixels; false to convert them to the pixels' centres (slopes.deconvolve_pixel).
+    min_coverage: smallest share of a pixel's footprint that must lie on the mirror. threshold: see
+    light_curves.effective_screen_pixels. estimates: of both scans of this stack by this way, where they are there
+    already.
 
     Raises ValueError if the stack does not match the scene or fewer than MIN_PIXELS pixels can be used.
     """
@@ -177,16 +177,8 @@ def reconstruct(
     check_fits(stack, chief)
     if estimates is None and light_curve in SIGNED:
         estimates = estimate_centroids(stack, setup, light_curve)
-    if estimates:
-        centroid_x, flag_x = _estimated(setup, estimates[0], light_curve)
-        centroid_y, flag_y = _estimated(setup, estimates[1], light_curve)
-    else:
-        centroid_x, flag_x = _measured(setup, stack.x, light_curve, threshold)
-        centroid_y, flag_y = _measured(setup, stack.y, light_curve, threshold)
-    flags = np.maximum(flag_x, flag_y)
+    centroid_x, centroid_y, flags = _both_scans(setup, stack, light_curve, threshold, estimates)
     on_mirror = chief.footprint.coverage >= min_coverage
-    # if one replicate has all the light, leaving it out leaves none
-    flags[(flags == Flag.GOOD) & ~np.isfinite(centroid_x + centroid_y).all(0)] = Flag.EMPTY
     mask = on_mirror & (flags == Flag.GOOD)
     _check_enough(setup.scene.name, on_mirror, mask, flags)
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(setup))
@@ -218,22 +210,6 @@ def reconstruct(
     )
 
 
-def check_fits(stack: ImageStack, chief: ChiefRays) -> None:
-    """Raise ValueError if the images do not match the scene's detector and the lines of its screen."""
-    nominal = chief.scene
-    if stack.x.shape != chief.shape or stack.y.shape != chief.shape:
-        raise ValueError(
-            f"scene {nominal.name}: images of {stack.x.shape} and {stack.y.shape} (rows, columns) do not fit; "
-            f"must be of the scene's detector, {chief.shape}"
-        )
-    for scan, lines in zip((stack.x, stack.y), nominal.screen.pixels, strict=True):
-        if len(scan.positions_mm) != lines:
-            raise ValueError(
-                f"{len(scan.positions_mm)} images in the {scan.axis} scan, but the scene's screen has {lines} lines"
-            )
-        check_line_positions(scan, nominal)
-
-
 def _check_enough(name: str, on_mirror: BoolArray, mask: BoolArray, flags: IntArray) -> None:
     """Raise ValueError if too few pixels can be used; the message counts the reasons."""
     if mask.sum() < MIN_PIXELS:
@@ -242,6 +218,26 @@ def _check_enough(name: str, on_mirror: BoolArray, mask: BoolArray, flags: IntAr
             f"scene {name}: {mask.sum()} of the {on_mirror.sum()} detector pixels on the mirror have a usable "
             f"light curve in both scans ({refused}); must be at least {MIN_PIXELS}"
         )
+
+
+def _both_scans(
+    setup: Setup,
+    stack: ImageStack,
+    light_curve: str,
+    threshold: float,
+    estimates: tuple[ScanEstimate, ScanEstimate] | None,
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Centroids of the x and the y scan [1 + replicates, rows, columns] in mm, and the worse of their flags."""
+    if estimates:
+        centroid_x, flag_x = _estimated(setup, estimates[0], light_curve)
+        centroid_y, flag_y = _estimated(setup, estimates[1], light_curve)
+    else:
+        centroid_x, flag_x = _measured(setup, stack.x, light_curve, threshold)
+        centroid_y, flag_y = _measured(setup, stack.y, light_curve, threshold)
+    flags = np.maximum(flag_x, flag_y)
+    # if one replicate has all the light, leaving it out leaves none
+    flags[(flags == Flag.GOOD) & ~np.isfinite(centroid_x + centroid_y).all(0)] = Flag.EMPTY
+    return centroid_x, centroid_y, flags
 
 
 def _measured(setup: Setup, scan: Scan, light_curve: str, threshold: float) -> tuple[FloatArray, IntArray]:

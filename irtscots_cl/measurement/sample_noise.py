@@ -15,6 +15,8 @@ from irtscots_cl.measurement.curve_fit import CurveFits, SampleNoise
 from irtscots_cl.measurement.curve_windows import CurveWindows
 
 OWN_NOISE = 1e-5  # chance at which a pixel of the common noise is given its own instead
+LEAST_LEFT = 0.2  # of a sample's variance in its residual: a sample that a fit nearly goes through tells no noise
+TINY = 1e-12  # of sums of numbers near 1: less is none
 SIGNIFICANT = 3.0  # standard errors of the growth with light: less is left out
 
 
@@ -40,22 +42,40 @@ def dark_noise(windows: CurveWindows, tilted: bool) -> FloatArray:
 
 
 def noise_with_light(
-    windows: CurveWindows, fits: CurveFits, floor: FloatArray, scatter: FloatArray | None = None
+    windows: CurveWindows, fits: CurveFits, noise: SampleNoise, scatter: FloatArray | None = None
 ) -> SampleNoise:
-    """The noise with its growth by light. scatter: [n, W] variance of the mean of several exposures; None for one."""
-    light = np.maximum(fits.modelled, 0.0)
+    """The noise with its growth by light. noise: that of the fits' weights. scatter: [n, W] variance of the mean of
+    several exposures; None for one."""
+    light, floor = np.maximum(fits.modelled, 0.0), noise.floor
+    used = windows.allowed & (light > 0) & np.isfinite(fits.place_mm)[:, None]
     if scatter is None:
-        inside = windows.allowed.sum(1)
-        squares = fits.residual**2 * (inside / np.maximum(inside - 2, 1))[:, None]
+        left = 1 - _leverage(windows, fits, noise)
+        used &= left > LEAST_LEFT
+        squares = fits.residual**2 / np.where(used, left, 1.0)
     else:
         squares = scatter
-    used = windows.allowed & (light > 0) & np.isfinite(fits.place_mm)[:, None]
     if not used.any():
         return SampleNoise(floor, 0.0)
     light = np.where(used, light, 0.0)
     excess = np.where(used, squares - floor[:, None], 0.0)
     growth, error = _typical_growth(windows.lines, light, excess)
     return SampleNoise(floor, growth if growth > SIGNIFICANT * error else 0.0)
+
+
+def _leverage(windows: CurveWindows, fits: CurveFits, noise: SampleNoise) -> FloatArray:
+    """Leverage [n, W] of each sample on its own fitted value, of flux and place: 1 minus it is the part of its variance
+    that its residual keeps. The brightest samples have most."""
+    weight = windows.allowed * noise.weight(fits.modelled)
+    peak = np.maximum(fits.modelled.max(1, initial=0.0), TINY)[:, None]
+    by_flux, by_place = fits.modelled / peak, fits.derivative / peak
+    by_place = by_place / np.maximum(np.abs(by_place).max(1, initial=0.0), TINY)[:, None]
+    weight = weight / np.maximum(weight.max(1, initial=0.0), TINY)[:, None]
+    both = (weight * by_flux * by_place).sum(1)[:, None]
+    flux, place = ((weight * column**2).sum(1)[:, None] for column in (by_flux, by_place))
+    determinant = flux * place - both**2
+    leverage = weight * (place * by_flux**2 - 2 * both * by_flux * by_place + flux * by_place**2)
+    known = determinant > TINY
+    return np.where(known, leverage / np.where(known, determinant, 1.0), 1.0)
 
 
 def _typical_growth(lines: IntArray, light: FloatArray, excess: FloatArray) -> tuple[float, float]:

@@ -28,12 +28,14 @@ from irtscots_cl.measurement.curve_windows import CurveWindows, find_light, line
 from irtscots_cl.measurement.frame_checks import FrameChecks, check_frames
 from irtscots_cl.measurement.frame_factors import FALSE_ALARM, ScanFit, frame_gains
 from irtscots_cl.measurement.light_curves import EDGE_TOLERANCE, STRAY_SHARE, Flag
+from irtscots_cl.measurement.line_positions import check_fits
 from irtscots_cl.measurement.sample_noise import dark_noise, noise_with_light
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.setup import Setup
 
 CHUNK = 2**16  # curves handled at a time, so that large images need little more memory than their own
-FRAME_ROUNDS = 3  # of leaving out wrong frames and fitting again
+FRAME_ROUNDS = 5  # of leaving out wrong frames and fitting again
+FEIGNED = 0.2  # of the largest offset of a frame: it moves the levels that the others are counted from
 GAIN_ROUNDS = 6  # of finding gains and fitting again
 DARK = 1e-3  # of a typical peak: light outside the windows that is none, in images without noise
 STRAY_SIGMAS = 6.0  # light outside a window that noise makes once in 1e9 curves
@@ -79,8 +81,9 @@ def estimate_centroids(
     setup: of the design. light: the pixels' light of a better model of the mirror; None: of the design. way:
     "likelihood" (the design's profile moved to the samples: least noise) or "windowed" (the signed samples' centroid
     in the window that the geometry allows; no profile). Pixels without a profile from the design get the windowed
-    centroid in both.
+    centroid in both. Raises ValueError if the stack does not match the scene.
     """
+    check_fits(stack, setup.chief_rays)
     sides = [_Side(scan, setup, light or setup.pixel_light) for scan in (stack.x, stack.y)]
     for side in sides:
         side.fit()
@@ -202,7 +205,7 @@ class _Side:
             )
             start = np.where(np.isfinite(self.fits.place_mm), self.fits.place_mm, start)
             before = self.noise
-            self.noise = noise_with_light(self.windows, self.fits, before.floor, self._scatter())
+            self.noise = noise_with_light(self.windows, self.fits, before, self._scatter())
             if abs(self.noise.per_light - before.per_light) <= 0.1 * self.noise.per_light:
                 break
         self.place_mm = start
@@ -225,13 +228,15 @@ class _Side:
         """Subtract the offsets of the frames, and leave out those that show another line. Whether there were any."""
         offset, bright = self._dark_light_of_frames()
         self.frames = check_frames(self.scan, self.windows, self.fits, self.noise, bright)
-        wrong = self.frames.wrong & self.usable
+        wrong = self.frames.worst(self.usable)
         # a scan of which most frames look wrong is something else: its own checks say what
-        if wrong.sum() > len(wrong) / 4:
+        if (wrong | ~self.usable).sum() > len(wrong) / 4:
+            self.shows = np.where(self.usable, self.frames.shows, self.shows)
             wrong[:] = False
         self.shows[wrong] = self.frames.shows[wrong]
         self.usable &= ~wrong
-        offset[~self.usable] = 0.0
+        # a wrong frame was in the levels that the offsets are counted from: they are found again without it
+        offset[~self.usable | wrong.any()] = 0.0
         if not wrong.any() and not offset.any():
             return False
         self.offset += offset
@@ -261,7 +266,11 @@ class _Side:
                 total += np.bincount(lines.ravel(), part.ravel(), count)
         number = np.maximum(sums[0], 1)
         mean = sums[1] / number
-        return np.where(np.abs(mean) > STRAY_SIGMAS * np.sqrt(floor / number), mean, 0.0), sums[2].astype(np.int64)
+        # an offset of all frames belongs to the pixels' levels, and one of a single frame has moved those of all
+        mean -= np.median(mean[self.usable])
+        # the largest come first: what they feign in the other frames goes with them
+        least = np.maximum(STRAY_SIGMAS * np.sqrt(floor / number), FEIGNED * np.abs(mean).max())
+        return np.where(np.abs(mean) > least, mean, 0.0), sums[2].astype(np.int64)
 
     def _dark_level(self) -> tuple[FloatArray, FloatArray]:
         """Level and slope [n] of each curve's background: of the fit, or of the samples outside."""
@@ -286,7 +295,11 @@ class _Side:
 
     def result(self, way: str) -> ScanEstimate:
         """The estimate by "likelihood" or "windowed", with the flags."""
-        fits, windows = self.fits, self.windows
+        windows = self.windows
+        self.fits, self.inverse = fit_profiles(
+            windows, self.profiles, self.noise, self._gain_of(windows), self.place_mm, self.tilted, exact=True
+        )
+        fits = self.fits
         windowed, error, flux = self._centroids(windows)
         use = np.isfinite(fits.place_mm) if way == "likelihood" else np.zeros(len(windowed), bool)
         place = np.where(use, fits.place_mm, windowed)
@@ -357,11 +370,15 @@ class _Side:
         return np.where(np.isnan(self.curves).any(1) & ~self.saturated & ~np.isfinite(place), Flag.MASKED, flags)
 
     def _stray(self, flux: FloatArray) -> BoolArray:
-        """Curves [n] with a second light: a box of the light's width outside the window that is bright beyond noise."""
+        """Curves [n] with a second light: a box of the light's width outside the window that is bright beyond noise.
+
+        Level and noise are those of the samples beside the box: a second light raises both of all samples together.
+        """
         box = max(1, round(2 * float(np.median(self.reach)) / line_pitch(self.scan) * 0.6)) if len(self.reach) else 1
         count = len(self.scan.positions_mm)
         found = np.zeros(len(self.curves), bool)
         level, slope = self._dark_level()
+        common = float(np.median(self.noise.floor)) if len(found) else 0.0
         half = self.windows.allowed.shape[1] // 2 + 1
         for chosen in self._chunks():
             scan, values = self._part(chosen, self.curves)
@@ -369,9 +386,16 @@ class _Side:
             away &= self.usable[np.minimum(scan.lines, count - 1)] & (scan.lines < count)
             dark = level[chosen, None] + slope[chosen, None] * (scan.lines - self.windows.middle)
             over = np.where(away, values - dark, 0.0)
-            total = np.cumsum(np.pad(over, ((0, 0), (1, 0))), axis=1)
-            brightest = (total[:, box:] - total[:, :-box]).max(1, initial=0.0)
+            number, total, square = (np.cumsum(np.pad(v, ((0, 0), (1, 0))), axis=1) for v in (away, over, over**2))
+            inside = [v[:, box:] - v[:, :-box] for v in (number, total, square)]
+            if not inside[0].shape[1]:
+                continue
+            at = np.argmax(inside[1], axis=1)[:, None]
+            n_box, in_box, squares = (np.take_along_axis(v, at, 1)[:, 0] for v in inside)
+            beside = np.maximum(number[:, -1] - n_box, 1)
+            mean = (total[:, -1] - in_box) / beside
+            variance = np.maximum((square[:, -1] - squares) / beside - mean**2, common)
+            excess = in_box - n_box * mean
             # the brightest of many boxes: noise alone reaches some standard errors
-            noise = np.sqrt(box * self.noise.floor[chosen])
-            found[chosen] = (brightest > STRAY_SHARE * flux[chosen]) & (brightest > STRAY_SIGMAS * noise)
+            found[chosen] = (excess > STRAY_SHARE * flux[chosen]) & (excess > STRAY_SIGMAS * np.sqrt(n_box * variance))
         return found

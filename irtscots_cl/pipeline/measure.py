@@ -16,7 +16,7 @@ from irtscots_cl.measurement.error_bars import ErrorBars, error_bars
 from irtscots_cl.measurement.light_curves import Flag
 from irtscots_cl.measurement.methods import BEST, MEASURES, measure_by
 from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check, check_images, worst
-from irtscots_cl.measurement.reconstruction import SIGNED, Reconstruction, check_fits
+from irtscots_cl.measurement.reconstruction import SIGNED, Reconstruction
 from irtscots_cl.measurement.saturation import find_ceiling
 from irtscots_cl.measurement.scan_estimates import ScanEstimate, estimate_centroids
 from irtscots_cl.optics.setup import Setup
@@ -73,7 +73,6 @@ def _measured(
     stack: ImageStack, setup: Setup, threshold: float, how: str, strict: bool
 ) -> tuple[Reconstruction, ImageStack, ErrorBars | None, list[Check]]:
     """The surface, the images with their ceiling, error bars and checks."""
-    check_fits(stack, setup.chief_rays)
     stack = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
     estimates = estimate_centroids(stack, setup, BEST)
     interruption.check()

@@ -116,6 +116,24 @@ def test_a_scan_from_images_gives_them_back(exposures):
     assert np.isnan(scan.hits).all()
 
 
+@pytest.mark.parametrize("bad", [np.inf, -np.inf, 1e101, -1e101])
+def test_a_single_infinite_or_huge_sample_is_refused(bad):
+    images = np.ones((5, 3, 4))
+    images[2, 1, 3] = bad
+    with pytest.raises(ValueError, match="images or line positions of the y scan hold values beyond"):
+        Scan.from_images("y", np.arange(5), images)
+
+
+def test_a_sample_that_is_no_number_is_missing():
+    """Whatever the other samples hold: those of its pixel and line stay what they are."""
+    images = np.random.default_rng(4).uniform(size=(5, 3, 4))
+    images[2, 1, 3] = np.nan
+    scan = Scan.from_images("y", np.arange(5), images)
+    assert np.flatnonzero(np.isnan(scan.flux_w[0])).tolist() == [7 * 5 + 2]
+    for line in range(5):
+        np.testing.assert_array_equal(scan.image(line), images[line])
+
+
 @pytest.mark.parametrize(
     ("images", "positions", "message"),
     [

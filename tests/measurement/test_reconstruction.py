@@ -98,7 +98,7 @@ def test_the_result_hangs_together(deviated):
     assert result.jackknife_slope_x.shape == (0, 41, 41)
     assert np.isnan(result.height_standard_error_mm()).all()
     assert (result.pixels_used, refused(result)) == (int(result.mask.sum()), {})
-    assert list(result.refused()) == ["empty", "clipped", "stray", "saturated"]
+    assert list(result.refused()) == ["empty", "clipped", "stray", "saturated", "masked"]
 
 
 def test_axes_and_signs(deviated):

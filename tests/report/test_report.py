@@ -140,6 +140,7 @@ def test_the_report_s_numbers_are_the_run_s(run, report):
         "empty": 1,
         "stray": 0,
         "saturated": 0,
+        "masked": 0,
         "clipped": 0,  # pixels beside the mirror are not refused
     }
     assert report["slope_error_urad_rms"]["x"] == comparison.slope_error_urad["x"].value
@@ -230,6 +231,9 @@ def test_a_mirror_without_deviation_has_no_table_of_coefficients(report):
     assert len(summary_tables(plain_mirror)) == 2
 
 
+CHECK = {"name": "saturation", "level": "ok", "value": 0.0, "limit": 0.0, "false_alarm": 1e-6, "text": "none"}
+
+
 def test_a_measurement_s_tables():
     nan = float("nan")
     facts = {
@@ -313,6 +317,27 @@ def test_terms_that_cannot_be_told_apart_have_no_number(report):
     table = summary_tables(report | {"zernike": [*moved, lost]})[-1]
     assert table.head == ("term", "in [um]", "of it over the pixels [um]", "out [um]", "difference [nm]")
     assert table.rows[-1] == ("38", "0.1000", "-", "not separable", "-")
+
+
+def test_a_measurement_s_table_with_error_bars_and_failed_checks():
+    facts = {
+        "scene": "a",
+        "pixels_used": 9000,
+        "light_curves_refused": {},
+        "deviation_nm_rms": {"piston": 384.12},
+        "height_standard_error_nm": 1.2345,
+        "slope_standard_error_urad": {"x": 0.05678, "y": 0.06},
+        "of_bound": {"x": 1.0123, "y": 1.1},
+        "checks": [CHECK, CHECK | {"name": "gains x", "level": "warning", "text": "frame 3 is dark"}],
+    }
+    table, checks = measured_tables(facts)
+    assert table.rows[2:] == [
+        ("standard error of the height [nm]", "1.23"),
+        ("standard error of the slopes [urad]", "0.0568, 0.06"),
+        ("centroids' error / Cramer-Rao bound", "1.01, 1.1"),
+    ]
+    assert checks.rows == [("gains x", "warning", "frame 3 is dark")]
+    assert "1 passed" in checks.title
 
 
 def test_paths_with_their_focus_and_blur():

@@ -105,7 +105,10 @@ for number in range(count):
         warnings.simplefilter("error")
         code = main(arguments)
     said = err.getvalue()
-    good_line = said == "" if code == 0 else said.count("\\n") == 1 and said[:-1].isprintable()
+    lines = said.splitlines()
+    good_line = all(line.isprintable() and line.startswith("irtscots: ") for line in lines) and (
+        all(line.startswith("irtscots: warning: ") for line in lines) if code == 0 else len(lines) == 1
+    )
     print(code, good_line, f"{time.perf_counter() - start:.3f}", peak_bytes(), flush=True)
 """
 COMMAND = """

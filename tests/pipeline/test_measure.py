@@ -1,0 +1,153 @@
+"""Measuring a laboratory's images: what is refused, what is doubted, what is told."""
+
+from __future__ import annotations
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+from image_faults import FAULTS
+from noisy_images import Images, images_of, small
+
+from irtscots_cl.measurement.quality import ERROR, OK, WARNING
+from irtscots_cl.pipeline.measure import RefusedImagesError, measure
+
+SCENE = small(25)
+NOMINAL = SCENE.nominal()
+MAKE = {fault.name: fault.make for fault in FAULTS}
+
+
+@pytest.fixture(autouse=True)
+def without_figures(monkeypatch):
+    """Figures take longer than all else here."""
+    monkeypatch.setattr("irtscots_cl.report.figures.write_figures", lambda *_: [])
+
+
+def images(fault: str = "none") -> Images:
+    return MAKE[fault](images_of(SCENE).noisy(0.002, 1), np.random.default_rng(2))
+
+
+def failed(facts) -> dict[str, str]:
+    return {check["name"]: check["level"] for check in facts["checks"] if check["level"] != OK}
+
+
+def write(path, of: Images) -> None:
+    """As a laboratory would."""
+    with h5py.File(path, "w") as file:
+        file["images/x"], file["images/y"], file["lines/x_mm"], file["lines/y_mm"] = of.x, of.y, of.lines_x, of.lines_y
+
+
+# --- the pipeline -------------------------------------------------------------------------------------------
+
+
+def test_good_images_are_measured_with_their_errors(tmp_path):
+    facts = measure(images().stack(), NOMINAL, tmp_path)
+    assert facts["measure"] == "likelihood" and failed(facts) == {}
+    assert 350 < facts["deviation_nm_rms"]["piston_tilt"] < 420
+    assert 0.5 < facts["height_standard_error_nm"] < 5
+    for axis in "xy":
+        assert 0.02 < facts["slope_standard_error_urad"][axis] < 1
+        assert 1 <= facts["of_bound"][axis] < 1.15
+    with h5py.File(tmp_path / "result.h5") as file:
+        mask = file["mask"][()]
+        for name in ("slope/x_standard_error_rad", "centroid/y_standard_error_mm", "light_curve/x_chi_square"):
+            assert np.isfinite(file[name][()][mask]).all(), name
+        stated = file["height_standard_error_nm"][()][mask]
+    assert np.sqrt(np.mean(stated**2)) == pytest.approx(facts["height_standard_error_nm"])
+
+
+@pytest.mark.parametrize(
+    ("fault", "name", "part"),
+    [
+        ("rows upside down", "orientation", "the rows upside down"),
+        ("y scan reversed", "orientation", "the y scan reversed"),
+        ("shifted by 5 rows", "outline", "rows"),
+    ],
+)
+def test_wrong_images_are_refused_before_anything_is_written(tmp_path, fault, name, part):
+    with pytest.raises(RefusedImagesError, match=f"lab.h5: .*{name}: .*{part}") as caught:
+        measure(images(fault).stack(), NOMINAL, tmp_path / "out", source="lab.h5")
+    assert str(caught.value).isprintable() and not (tmp_path / "out").exists()
+
+
+def test_doubtful_images_are_measured_unless_strict(tmp_path):
+    stack = images("half exposed frame").stack()
+    facts = measure(stack, NOMINAL, tmp_path / "out")
+    assert failed(facts) == {"gains x": WARNING}
+    with pytest.raises(RefusedImagesError, match=r"gains x: .*frame 10.*\(--strict\)$"):
+        measure(stack, NOMINAL, tmp_path / "strict", strict=True)
+    assert not (tmp_path / "strict").exists()
+    measure(images().stack(), NOMINAL, tmp_path / "strict", strict=True)  # good ones pass
+
+
+@pytest.mark.parametrize(("how", "threshold"), [("paper", 0.0), ("paper", 0.3), ("fine", 0.0)])
+def test_a_measure_for_images_without_noise_is_compared_with_the_best(tmp_path, how, threshold):
+    facts = measure(images().stack(), NOMINAL, tmp_path, threshold, how)
+    assert failed(facts) == {"measure": WARNING}
+    (check,) = (check for check in facts["checks"] if check["name"] == "measure")
+    name = f"--threshold {threshold:g}" if threshold else f"--measure {how}"
+    assert name in check["text"] and check["value"] > check["limit"]
+    assert not np.isfinite(facts["height_standard_error_nm"])  # not known by that measure
+    with pytest.raises(RefusedImagesError, match="measure: the height by"):
+        measure(images().stack(), NOMINAL, tmp_path / "strict", threshold, how, strict=True)
+
+
+def test_without_noise_all_measures_agree(tmp_path):
+    facts = measure(images_of(SCENE).stack(), NOMINAL, tmp_path, how="refined")
+    (check,) = (check for check in facts["checks"] if check["name"] == "measure")
+    assert check["value"] < 1.0, check
+
+
+# --- the command --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch):
+    """A folder with the scene's file; writes lab.h5 with a fault."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my.toml").write_text(SCENE.to_toml())
+
+    def with_fault(name: str):
+        write(tmp_path / "lab.h5", images(name))
+        return ("reconstruct", "lab.h5", "--scene", "my.toml", "--out", "out")
+
+    return with_fault
+
+
+def test_the_command_refuses_images_upside_down_and_says_so(irtscots, lab, tmp_path):
+    code, out, err = irtscots(*lab("rows upside down"))
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("irtscots: lab.h5: orientation: ") and "the rows upside down" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_warns_on_stderr_and_in_its_table(irtscots, lab):
+    code, out, err = irtscots(*lab("half exposed frame"))
+    assert code == 0 and err.count("\n") == 1
+    assert err.startswith("irtscots: warning: gains x: x scan: frame 10 0.5 times")
+    assert "gains x" in out and "warning" in out and "standard error of the height [nm]" in out
+
+
+def test_strict_refuses_what_is_doubtful(irtscots, lab, tmp_path):
+    code, out, err = irtscots(*lab("half exposed frame"), "--strict")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("irtscots: lab.h5: gains x: ") and err.endswith("(--strict)\n")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_finds_the_ceiling_by_itself(irtscots, lab):
+    code, out, err = irtscots(*lab("1 % of the pixels saturated"), "--json")
+    facts = json.loads(out)
+    assert code == 0 and failed(facts) == {"saturation": WARNING} and "are at 4095" in err
+
+
+def test_json_has_the_checks_and_errors(irtscots, lab):
+    code, out, err = irtscots(*lab("none"), "--json", "--strict")
+    assert (code, err) == (0, "")
+    facts = json.loads(out, parse_constant=pytest.fail)
+    assert facts["measure"] == "likelihood" and 0 < facts["height_standard_error_nm"] < 5
+    for check in facts["checks"]:
+        assert check.keys() == {"name", "level", "value", "limit", "false_alarm", "text"}
+        assert check["level"] in (OK, WARNING, ERROR) and check["text"]
+    assert {"orientation", "saturation", "frames x", "gains y", "profile x"} <= {c["name"] for c in facts["checks"]}
