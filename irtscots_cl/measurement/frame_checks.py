@@ -31,13 +31,15 @@ class FrameChecks:
     """Of L frames. shows: [L] line that each shows; its own number, unless another fits clearly better; -1: no line
     (black), -2: light far from any pixel's light. ratio: [L] its light over the expected light, NaN where too few
     pixels tell. chi_square: [L] reduced, of its light. bright: [L] samples as bright as light outside all windows.
-    differs: [L] mean square difference from its own line's light, whatever the noise."""
+    differs: [L] mean square difference from its own line's light, whatever the noise. light: [L] the expected light,
+    squared and in units of its noise."""
 
     shows: IntArray
     ratio: FloatArray
     chi_square: FloatArray
     bright: IntArray
     differs: FloatArray
+    light: FloatArray
 
     @property
     def wrong(self) -> BoolArray:
@@ -109,7 +111,7 @@ def check_frames(
     shows[(bright >= many) & (shows == np.arange(count))] = -2
     chi_square = np.where(pixels > 1, chi_square, np.nan)
     differs = _sums(frame, inner * (light - model) ** 2, count) / np.maximum(pixels, 1)
-    return FrameChecks(shows.astype(np.int64), ratio, chi_square, bright, differs)
+    return FrameChecks(shows.astype(np.int64), ratio, chi_square, bright, differs, expected)
 
 
 def _sums(frame: IntArray, values: FloatArray | BoolArray, count: int) -> FloatArray:

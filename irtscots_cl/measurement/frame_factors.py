@@ -21,8 +21,8 @@ from irtscots_cl.system import interruption
 
 PRIOR = 0.3  # standard deviation of a gain before the images say more: frames without light stay at 1
 FALSE_ALARM = 1e-4  # chance that gains of equal frames are corrected
-MODEL_ERROR = 0.003  # of a gain: what the design's profile, which is not quite the light's, may feign
-LIT = 0.02  # of the median frame's light, squared: frames with less get their scan's typical gain
+MODEL_ERROR = 0.001  # of a gain: what the design's profile, which is not quite the light's, may feign
+LIT = 0.002  # of the median frame's light, squared: frames with less get their scan's typical gain
 LIMITS = (0.2, 5.0)  # of one change of a gain
 MAX_PIXELS = 20_000  # more do not make a gain better than its effect on a height needs
 

@@ -25,6 +25,7 @@ LEVELS = (OK, WARNING, ERROR)
 
 LINE_POSITION = 1e-3  # pitches: a pitch that is wrong by 1 % of a screen of 21 lines costs 190 nm
 GAIN = 0.02  # a frame whose brightness differs by more is named
+BRIGHT = 0.1  # of the median frame's light, squared: frames with less are not judged
 PROFILE = 0.02  # of the peak: largest mean difference of the curves from the modelled profile
 PLACE = 0.5  # lines: the light of the whole scan that far from the design's place is named
 STRAY_SHARE = 0.01  # of the pixels on the mirror
@@ -102,6 +103,8 @@ def _frames(estimate: ScanEstimate) -> list[Check]:
 def _gains(estimate: ScanEstimate) -> Check:
     axis = estimate.scan.axis
     lit = np.isfinite(estimate.frames.ratio) & (estimate.frames.shows == np.arange(len(estimate.gain)))
+    # gains of frames that light only the tails of a few curves are less certain than the limit
+    lit &= estimate.frames.light > BRIGHT * (np.median(estimate.frames.light[lit]) if lit.any() else 0.0)
     gain = estimate.gain / (np.median(estimate.gain[lit]) if lit.any() else 1.0)
     off = np.where(lit, np.abs(gain - 1), 0.0)
     largest = float(off.max(initial=0.0))
