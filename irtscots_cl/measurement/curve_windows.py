@@ -27,8 +27,8 @@ class CurveWindows:
 
     first: [n] first line of each window; it may be negative, or reach past the last line. allowed: [n, W] samples that
     the pixel's light can reach, that were recorded and are numbers. samples: [n, W] values there, 0 elsewhere.
-    outside: [6, n] sums over the other recorded samples, without the window's own within the guard, of 1, t, t^2, y, t y
-    and y^2; t: the line number minus `middle`, y: the sample.
+    outside: [6, n] sums over the other recorded samples, without the window's own within the guard, of 1, t, t^2, y, t
+    y and y^2; t: the line number minus `middle`, y: the sample.
     """
 
     first: IntArray

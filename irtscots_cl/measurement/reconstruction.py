@@ -159,14 +159,13 @@ def reconstruct(
 ) -> Reconstruction:
     """Measure the surface from line-scan images and the design scene only.
 
-    nominal: the scene without deviation (scene.nominal()), or a Setup of it.
-    light_curve: "centroid" uses the light curves' centroids (paper, Eq. 4), "chord" corrects them by the profile from
-    the design (light_profiles.py), "windowed" and "likelihood" use signed samples, with noise and background
-    (scan_estimates.py); no threshold. method: of integrate_slopes. pixel_average: true to use the measured slopes,
-    which are means over the pixels; false to convert them to the pixels' centres (slopes.deconvolve_pixel).
-    min_coverage: smallest share of a pixel's footprint that must lie on the mirror. threshold: see
-    light_curves.effective_screen_pixels. estimates: of both scans of this stack by this way, where they are there
-    already.
+    nominal: the scene without deviation (scene.nominal()), or a Setup of it. light_curve: "centroid" uses the light
+    curves' centroids (paper, Eq. 4), "chord" corrects them by the profile from the design (light_profiles.py),
+    "windowed" and "likelihood" use signed samples, with noise and background (scan_estimates.py); no threshold. method:
+    of integrate_slopes. pixel_average: true to use the measured slopes, which are means over the pixels; false to
+    convert them to the pixels' centres (slopes.deconvolve_pixel). min_coverage: smallest share of a pixel's footprint
+    that must lie on the mirror. threshold: see light_curves.effective_screen_pixels. estimates: of both scans of this
+    stack by this way, where they are there already.
 
     Raises ValueError if the stack does not match the scene or fewer than MIN_PIXELS pixels can be used.
     """

@@ -31,10 +31,11 @@ def test_neither_have_a_simulation_s():
     assert find_ceiling(sparse_stack(SCENE.nominal())) == math.inf  # many pixels alike
 
 
-@pytest.mark.parametrize("peak", [150, 200, 3000, 4000, 50_000])
-def test_whole_numbers_below_every_camera_s_ceiling_have_none(peak):
+@pytest.mark.parametrize("noise", [0.0, 0.002])
+@pytest.mark.parametrize("peak", [12, 20, 40, 150, 200, 3000, 4000, 50_000])
+def test_whole_numbers_below_every_camera_s_ceiling_have_none(peak, noise):
     """Coarse steps put many samples on the highest value."""
-    assert find_ceiling(scaled(peak).each(np.rint).stack()) == math.inf
+    assert find_ceiling(scaled(peak, noise).each(np.rint).stack()) == math.inf
 
 
 @pytest.mark.parametrize("ceiling", [1.0, 0.37, 12_345.6])
