@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.measurement.one_scan import ScanEstimate
 from irtscots_cl.measurement.reconstruction import Reconstruction, reconstruct
 from irtscots_cl.measurement.refinement import refine
-from irtscots_cl.measurement.scan_estimates import ScanEstimate
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 

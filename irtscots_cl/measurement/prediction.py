@@ -77,9 +77,10 @@ def predict_error(
     """Predict the slope and height errors of a reconstruction from the design and from its own light curves.
 
     Noise comes from the images themselves for signed samples (error_bars.py); else from counting statistics of each
-    curve's rays if these are independent, and from the scatter of the replicates for other samplers. The prediction is NaN if neither is available. systematic: also
-    predict what is left without noise (systematic_error.py), which costs about as much as the measurement; false:
-    line sampling alone. rounding_height_mm: of the trace's arithmetic, for a simulation.
+    curve's rays if these are independent, and from the scatter of the replicates for other samplers. The prediction is
+    NaN if neither is available. systematic: also predict what is left without noise (systematic_error.py), which costs
+    about as much as the measurement; false: line sampling alone. rounding_height_mm: of the trace's arithmetic, for a
+    simulation.
     """
     scale = _slope_per_mm(result.setup.chief_rays, result)
     mask = result.mask

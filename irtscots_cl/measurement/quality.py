@@ -15,9 +15,9 @@ from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.curve_windows import line_pitch
 from irtscots_cl.measurement.light_curves import Flag
+from irtscots_cl.measurement.one_scan import ScanEstimate
 from irtscots_cl.measurement.orientation import Orientation, best_orientation
 from irtscots_cl.measurement.reconstruction import design_points
-from irtscots_cl.measurement.scan_estimates import ScanEstimate
 from irtscots_cl.optics.setup import Setup
 
 OK, WARNING, ERROR = "ok", "warning", "error"

@@ -15,7 +15,8 @@ from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_curves import Flag, flag_curves
 from irtscots_cl.measurement.light_profiles import profile_centroids
 from irtscots_cl.measurement.line_positions import check_fits
-from irtscots_cl.measurement.scan_estimates import ScanEstimate, estimate_centroids
+from irtscots_cl.measurement.one_scan import ScanEstimate
+from irtscots_cl.measurement.scan_estimates import estimate_centroids
 from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.setup import Setup
@@ -110,6 +111,7 @@ class Reconstruction:
     def white_slope_noise(self) -> float:
         """Standard error [rad] of the slopes if white noise alone makes their misfit; NaN for a mask without a loop."""
         return white_noise(self.misfit(), self.x_mm, self.y_mm, self.mask)
+
     def light_traced(self) -> BoolArray:
         """Pixels [rows, columns] of the mask whose light has no closed form: traced rays replace it."""
         return self._of_light(~self.setup.pixel_light.closed_form & self.setup.pixel_light.valid())

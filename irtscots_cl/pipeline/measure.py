@@ -15,10 +15,11 @@ from irtscots_cl.measurement.coefficients import check_kind, coefficients
 from irtscots_cl.measurement.error_bars import ErrorBars, error_bars
 from irtscots_cl.measurement.light_curves import Flag
 from irtscots_cl.measurement.methods import BEST, MEASURES, measure_by
+from irtscots_cl.measurement.one_scan import ScanEstimate
 from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check, check_images, worst
 from irtscots_cl.measurement.reconstruction import SIGNED, Reconstruction
 from irtscots_cl.measurement.saturation import find_ceiling
-from irtscots_cl.measurement.scan_estimates import ScanEstimate, estimate_centroids
+from irtscots_cl.measurement.scan_estimates import estimate_centroids
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
 from irtscots_cl.report.quality import fit_facts, island_facts, misfit_facts, quality_checks

@@ -76,9 +76,7 @@ def quality_checks(islands: IslandReport, misfit: MisfitFacts, fit: ZernikeFitFa
     return [_island_check(islands), _misfit_check(misfit), _fit_check(fit, mirror_hole)]
 
 
-def quality_warnings(
-    islands: IslandReport, misfit: MisfitFacts, fit: ZernikeFitFacts, mirror_hole: bool
-) -> list[str]:
+def quality_warnings(islands: IslandReport, misfit: MisfitFacts, fit: ZernikeFitFacts, mirror_hole: bool) -> list[str]:
     """The texts of those quality_checks that do not pass."""
     return [check.text for check in quality_checks(islands, misfit, fit, mirror_hole) if check.level != OK]
 

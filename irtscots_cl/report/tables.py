@@ -233,8 +233,13 @@ def _error_table(report: Report) -> Table:
         parts = (
             [
                 _shown(predicted[key])
-                for key in ("height_error_nm_rms_piston_tilt", "height_ray_noise_nm_rms", "height_line_sampling_nm_rms",
-                            "height_systematic_nm_rms", "height_rounding_nm_rms")
+                for key in (
+                    "height_error_nm_rms_piston_tilt",
+                    "height_ray_noise_nm_rms",
+                    "height_line_sampling_nm_rms",
+                    "height_systematic_nm_rms",
+                    "height_rounding_nm_rms",
+                )
             ]
             if terms == "piston_tilt"
             else [""] * 5

@@ -65,9 +65,8 @@ def trace(
     saves the sums now and then, and continues from what it has; an interrupted trace that continues gives the bits of
     one that was not. finished: called with the trace so far when a replicate is complete and others are to come.
 
-    Warns by checks.precision.RoundingWarning where single precision costs more than 1 nm of height. Raises ValueError
-    for an argument out of range, SceneError if no pixel sees the screen, DeviceError if the device cannot do it,
-    checkpoint.Interrupted if the keeper ends the trace.
+    Warns by checks.precision.RoundingWarning where single precision costs over 1 nm of height. Raises ValueError for an
+    argument out of range, SceneError if no pixel sees the screen, DeviceError, or checkpoint.Interrupted by the keeper.
     """
     setup = Setup.of(scene)
     options = TraceOptions(
@@ -81,8 +80,7 @@ def trace(
         return trace_analytic(setup)
     rays = share_rays(rays_per_pixel, replicates)
     if smoothing and rays.max() > MAX_SMOOTHED_RAYS:
-        must = "with --smoothing, must be at most 2^32 for each replicate"
-        raise ValueError(f"--rays-per-pixel = {rays_per_pixel}: {must}")
+        raise ValueError(f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 per replicate")
     check_visible(setup.chief_rays, f"scene {setup.scene.name}")
     executor = executor_of(device, client)
     warn_of_rounding(setup, executor.call, precision)

@@ -15,13 +15,13 @@ from significance import sidak_z
 
 from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.measurement.curve_fit import (
-    Profiles,
     SampleNoise,
     centroid_fits,
     covariances,
     fit_profiles,
     relinearised,
 )
+from irtscots_cl.measurement.curve_profiles import Profiles
 from irtscots_cl.measurement.curve_windows import find_light, line_pitch, place_windows
 
 SCENE = small(25).nominal()
@@ -71,7 +71,7 @@ class Fit:
         gain = np.ones(curves.shape[1]) if gain is None else gain
         self.gain = gain[np.clip(self.windows.lines, 0, len(gain) - 1)]
         self.noise, self.tilted = noise, tilted
-        self.profiles = Profiles(scan, setup.pixel_response)
+        self.profiles = Profiles(scan, setup.pixel_light)
         start = scan.positions_mm[0] + line_pitch(scan) * places
         self.fits, self.inverse = fit_profiles(self.windows, self.profiles, noise, self.gain, start, tilted)
         self.error_mm, self.bound_mm = covariances(self.windows, self.fits, noise, tilted)
@@ -254,7 +254,7 @@ def test_a_pixel_without_a_profile_has_no_fit():
     scene_pixels = np.array([0, 24, *some(3)])  # corners of the detector see no mirror
     curves = clean(some(1)).repeat(5, 0)
     scan = scan_of(scene_pixels, curves)
-    known = Profiles(scan, setup_of(SCENE).pixel_response).known
+    known = Profiles(scan, setup_of(SCENE).pixel_light).known
     assert known.tolist() == [False, False, True, True, True]
 
 

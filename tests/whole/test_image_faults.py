@@ -44,17 +44,15 @@ def noise_free():
     return of
 
 
-def parameter(fault: Fault):
-    # line positions in metres would make windows of thousands of lines
-    later = pytest.mark.xfail(strict=False, reason=fault.later, run=fault.name != "lines in metres")
-    return pytest.param(fault, id=fault.name, marks=later if fault.later else ())
-
-
-@pytest.mark.parametrize("fault", [parameter(fault) for fault in FAULTS])
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_a_fault_is_mended_named_or_refused(fault: Fault, noise_free, monkeypatch):
     monkeypatch.setattr(bars, "MAX_DRAWS", DRAWS)
-    noisy = images_of(fault.scene).noisy(NOISE, seed=1)
-    checks, result = measured(fault.make(noisy, np.random.default_rng(2)), fault.scene)
+    images = fault.make(images_of(fault.scene).noisy(NOISE, seed=1), np.random.default_rng(2))
+    if fault.raises:
+        with pytest.raises(ValueError, match=fault.raises):
+            measured(images, fault.scene)
+        return
+    checks, result = measured(images, fault.scene)
     failed = {name: check.level for name, check in checks.items() if check.level != OK}
     if fault.refused:
         assert failed.get(fault.refused) == "error", failed
@@ -63,13 +61,13 @@ def test_a_fault_is_mended_named_or_refused(fault: Fault, noise_free, monkeypatc
     if fault.named:
         assert failed.keys() & set(fault.named), failed
     if fault.right:
-        stated = rms(bars.error_bars(result).height_mm, result.mask) * 1e6
+        stated = rms(bars.error_bars(result).height_mm, result.height_mask) * 1e6
         assert height_difference_nm(result, noise_free(fault.scene)) < max(1.3 * stated, EXACT_NM)
-        assert result.pixels_used > 0.9 * result.on_mirror.sum()
+        assert result.pixels_used > 0.9 * result.on_mirror.sum() or "pixels" in failed
     else:
         assert failed  # a height that may be wrong is never told without a word
 
 
 def test_the_table_is_long_and_its_names_differ():
     assert len({fault.name for fault in FAULTS}) == len(FAULTS) >= 30
-    assert all(fault.right or fault.named or fault.refused for fault in FAULTS)
+    assert all(fault.right or fault.named or fault.refused or fault.raises for fault in FAULTS)
