@@ -166,8 +166,7 @@ def reconstruct(
     "windowed" and "likelihood" use signed samples, with noise and background (scan_estimates.py); no threshold. method:
     of integrate_slopes. pixel_average: true to use the measured slopes, which are means over the pixels; false to
     convert them to the pixels' centres (slopes.deconvolve_pixel). min_coverage: smallest share of a pixel's footprint
-    that must lie on the mirror. threshold: see light_curves.effective_screen_pixels. estimates: of both scans of this
-    stack by this way, where they are there already.
+    that must lie on the mirror. threshold: see light_curves.effective_screen_pixels. estimates: of this stack's scans.
 
     Raises ValueError if the stack does not match the scene or fewer than MIN_PIXELS pixels can be used.
     """

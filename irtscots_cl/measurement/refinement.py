@@ -55,12 +55,17 @@ def refine(result: Reconstruction, stack: ImageStack, *, rounds: int = 4, tolera
     return result
 
 
-def zernike_fit(result: Reconstruction, order: int = MODEL_ORDER, pixels_per_term: int = PIXELS_PER_TERM) -> FloatArray:
+def zernike_fit(
+    result: Reconstruction, order: int | None = None, pixels_per_term: int | None = None
+) -> FloatArray:
     """Matrix [terms, pixels used] from heights to coefficients of Noll terms 1, 2, ... by least squares over the mask.
 
     Combinations of terms that the mask cannot separate are omitted. Groups of islands have pistons of their own.
-    order: the highest radial order; lower where a term would have fewer pixels.
+    order: the highest radial order, None: MODEL_ORDER; lower where a term would have fewer than pixels_per_term (None:
+    PIXELS_PER_TERM).
     """
+    order = MODEL_ORDER if order is None else order
+    pixels_per_term = PIXELS_PER_TERM if pixels_per_term is None else pixels_per_term
     while (order + 1) * (order + 2) // 2 * pixels_per_term > result.pixels_used and order > 1:
         order -= 1
     radius = result.nominal.mirror.diameter_mm / 2
