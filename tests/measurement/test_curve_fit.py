@@ -73,7 +73,10 @@ class Fit:
         self.noise, self.tilted = noise, tilted
         self.profiles = Profiles(scan, setup.pixel_response)
         start = scan.positions_mm[0] + line_pitch(scan) * places
-        self.fits, self.inverse = fit_profiles(self.windows, self.profiles, noise, self.gain, start, tilted)
+        rough, _ = fit_profiles(self.windows, self.profiles, noise, self.gain, start, tilted)
+        self.fits, self.inverse = fit_profiles(
+            self.windows, self.profiles, noise, self.gain, rough.place_mm, tilted, exact=True
+        )
         self.error_mm, self.bound_mm = covariances(self.windows, self.fits, noise, tilted)
         self.truth_mm = setup.pixel_response.means("u")[0][self.profiles.index]
 

@@ -62,7 +62,7 @@ def test_gains_are_found_within_their_errors(injected):
     ratio = (found / injected)[known]
     assert (np.abs(ratio - 1) < 3 * np.hypot(error[known], MODEL_ERROR)).all()
     # a common factor of both scans belongs to the fluxes, and the prior alone tells it
-    assert np.abs(ratio / np.median(ratio) - 1).max() < 2 * MODEL_ERROR
+    assert np.abs(ratio / np.median(ratio) - 1).max() < 4 * MODEL_ERROR
     assert np.abs(injected[known] / np.median(injected[known]) - 1).max() > 0.015  # there was something to find
 
 

@@ -74,6 +74,6 @@ def small(pixels: int = 45) -> Scene:
 
 def height_difference_nm(one, other) -> float:
     """rms over the common pixels of two results, piston and tilt removed."""
-    mask = one.mask & other.mask
+    mask = one.height_mask & other.height_mask
     differ = remove_terms(one.x_mm, one.y_mm, one.deviation_mm - other.deviation_mm, mask, "piston_tilt")
     return rms(differ, mask) * 1e6
