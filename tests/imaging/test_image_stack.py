@@ -120,7 +120,7 @@ def test_a_scan_from_images_gives_them_back(exposures):
 def test_a_single_infinite_or_huge_sample_is_refused(bad):
     images = np.ones((5, 3, 4))
     images[2, 1, 3] = bad
-    with pytest.raises(ValueError, match="images or line positions of the y scan hold values beyond"):
+    with pytest.raises(ValueError, match=r"images/y\[2, 1, 3\] = .*: must be a finite number within 1e\+100"):
         Scan.from_images("y", np.arange(5), images)
 
 

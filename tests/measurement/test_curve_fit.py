@@ -15,13 +15,13 @@ from significance import sidak_z
 
 from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.measurement.curve_fit import (
+    Profiles,
     SampleNoise,
     centroid_fits,
     covariances,
     fit_profiles,
     relinearised,
 )
-from irtscots_cl.measurement.curve_profiles import Profiles
 from irtscots_cl.measurement.curve_windows import find_light, line_pitch, place_windows
 
 SCENE = small(25).nominal()
@@ -71,11 +71,12 @@ class Fit:
         gain = np.ones(curves.shape[1]) if gain is None else gain
         self.gain = gain[np.clip(self.windows.lines, 0, len(gain) - 1)]
         self.noise, self.tilted = noise, tilted
-        self.profiles = Profiles(scan, setup.pixel_light)
+        self.profiles = Profiles(scan, setup.pixel_response)
         start = scan.positions_mm[0] + line_pitch(scan) * places
-        settings = self.windows, self.profiles, noise, self.gain
-        rough, _ = fit_profiles(*settings, start, tilted)
-        self.fits, self.inverse = fit_profiles(*settings, rough.place_mm, tilted, exact=True)
+        rough, _ = fit_profiles(self.windows, self.profiles, noise, self.gain, start, tilted)
+        self.fits, self.inverse = fit_profiles(
+            self.windows, self.profiles, noise, self.gain, rough.place_mm, tilted, exact=True
+        )
         self.error_mm, self.bound_mm = covariances(self.windows, self.fits, noise, tilted)
         self.truth_mm = setup.pixel_response.means("u")[0][self.profiles.index]
 
@@ -256,7 +257,7 @@ def test_a_pixel_without_a_profile_has_no_fit():
     scene_pixels = np.array([0, 24, *some(3)])  # corners of the detector see no mirror
     curves = clean(some(1)).repeat(5, 0)
     scan = scan_of(scene_pixels, curves)
-    known = Profiles(scan, setup_of(SCENE).pixel_light).known
+    known = Profiles(scan, setup_of(SCENE).pixel_response).known
     assert known.tolist() == [False, False, True, True, True]
 
 

@@ -75,7 +75,8 @@ def test_every_setting_is_passed_on(spied, name):
     settings = {"light_curve": how.light_curve, "method": how.method, "pixel_average": how.pixel_average}
     assert spied[0] == ("reconstruct", ("stack", "nominal"), settings | {"threshold": threshold, "estimates": None})
     if how.rounds:
-        assert spied[1:] == [("refine", ("by reconstruct", "stack"), {"rounds": how.rounds, "tolerance_nm": how.tolerance_nm})]
+        ending = {"rounds": how.rounds, "tolerance_nm": how.tolerance_nm}
+        assert spied[1:] == [("refine", ("by reconstruct", "stack"), ending)]
         assert found == "by refine"
     else:
         assert len(spied) == 1 and found == "by reconstruct"

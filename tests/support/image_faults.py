@@ -225,18 +225,19 @@ def pitch(factor: float):
 
 # --- table --------------------------------------------------------------------------------------------------
 
+
 @dataclass(frozen=True)
 class Fault:
-    """right: the height must be right within its stated error. named: checks, at least one of which must not be ok.
-    refused: a check that must be an error. raises: words of the error that refuses the images before any check. lines:
-    of each scan."""
+    """right: the height must be right within its stated error, of at least the share `used` of the mirror's pixels.
+    named: checks, at least one of which must not be ok. refused: a check that must be an error, or what the message of
+    a refusal must hold. lines: of each scan."""
 
     name: str
     make: Callable[[Images, np.random.Generator], Images]
     right: bool = False
     named: tuple[str, ...] = ()
     refused: str = ""
-    raises: str = ""
+    used: float = 0.97
     lines: int = 21
 
     @property
@@ -266,16 +267,17 @@ FAULTS = [
     Fault("drift of 5 %", drift, right=True),
     Fault("jitter of 3 %", jitter, right=True, named=("gains x", "gains y")),
     Fault("exposure doubled between the scans", doubled_exposure, right=True),
+    # flanks alone are left of most curves: the design's profile, which is not quite the light's, moves them
     Fault("overexposed twice", overexposed, named=("saturation",)),
     Fault("1 % of the pixels saturated", few_saturated, right=True, named=("saturation",)),
     Fault("8 bits", eight_bits, right=True),
     Fault("gamma 2.2", gamma, named=("profile x", "profile y")),
-    Fault("dark cross", cross, right=True),
-    Fault("dark ring", ring, right=True),
-    Fault("two dead columns", dead_columns, right=True),
-    Fault("10 % of the pixels dead", dead_pixels(0.1), right=True),
-    Fault("30 % of the pixels dead", dead_pixels(0.3), right=True, named=("pixels",)),
-    Fault("50 % of the pixels dead", dead_pixels(0.5), right=True, named=("pixels",)),
+    Fault("dark cross", cross, right=True, used=0.9),
+    Fault("dark ring", ring, right=True, used=0.85),
+    Fault("two dead columns", dead_columns, right=True, used=0.9),
+    Fault("10 % of the pixels dead", dead_pixels(0.1), right=True, used=0.87),
+    Fault("30 % of the pixels dead", dead_pixels(0.3), right=True, named=("pixels",), used=0.65),
+    Fault("50 % of the pixels dead", dead_pixels(0.5), right=True, named=("pixels",), used=0.4),
     Fault("a masked pixel", masked_pixel, right=True),
     Fault("1 % of the samples masked", masked_samples, right=True),
     Fault("rows upside down", turned(lambda a: a[:, ::-1]), refused="orientation"),
@@ -291,7 +293,7 @@ FAULTS = [
     Fault("scans exchanged", exchanged_scans, refused="orientation"),
     Fault("shifted by 5 rows", shifted(5, 0), refused="outline"),
     Fault("shifted by 3 rows and 4 columns", shifted(3, -4), refused="outline"),
-    Fault("lines from zero", lines_from_zero, raises="counted from the first line"),
+    Fault("lines from zero", lines_from_zero, refused="/lines/x_mm: 21 lines from 0 to 4 mm"),
     Fault("pitch wrong by 1 %", pitch(1.01), named=("lines x",)),
-    Fault("lines in metres", pitch(1e-3), raises="be in metres"),
+    Fault("lines in metres", pitch(1e-3), refused="the positions seem to be in metres"),
 ]
