@@ -39,7 +39,7 @@ def test_what_measures_of_signed_samples_leave_is_predicted_to_be_as_little(smal
     result = measure_by(measure, stack, setup.nominal)
     found, actual = systematic_error(result, stack), compare(result, setup.scene)
     assert actual.height_error_nm["piston_tilt"].value < 0.2
-    assert found.height_mm < 0.2e-6
+    assert found.height_mm < 1e-6  # mm: with the fine structure that the model of the surface lacks
 
 
 @pytest.mark.parametrize("measure", NOISE_FREE)
