@@ -200,7 +200,8 @@ def test_the_command_line_takes_all_devices(monkeypatch):
         with site_arguments(Namespace(device=choice, dask=None)) as where:
             assert where == {"device": all_devices()}
     with pytest.raises(ValueError, match="^--target-nm: must be left out with --device = 'all'"):
-        run._check(Namespace(device="all", dask=None, target_nm=1.0, max_seconds=None, resume=None, seed=1), {
+        run._check(Namespace(device="all", dask=None, target_nm=1.0, max_seconds=None, resume=None, seed=1,
+                             zernike="circular"), {
             **DEFAULTS, **run.RAYS})  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import re
 
 import numpy as np
@@ -234,21 +235,26 @@ def test_a_mirror_without_deviation_has_no_table_of_coefficients(report):
 CHECK = {"name": "saturation", "level": "ok", "value": 0.0, "limit": 0.0, "false_alarm": 1e-6, "text": "none"}
 
 
+MEASURED = {
+    "scene": "a",
+    "pixels_used": 9000,
+    "light_curves_refused": {},
+    "pixels_with_traced_light": 0,
+    "pixels_without_model": 0,
+    "deviation_nm_rms": {"piston": 384.12, "piston_tilt": 1.0},
+    "integration_misfit": {"urad_rms": 0.5, "noise_urad_rms": math.nan, "limit_urad_rms": 0.25, "suspicious": True},
+    "islands": {"count": 1, "groups": 1},
+    "zernike": [{"noll": 4, "output_um": 0.25, "standard_error_um": 0.001, "inflation": 1.0},
+                {"noll": 5, "output_um": 0.001, "standard_error_um": 0.001, "inflation": 1.0}],
+    "zernike_fit": {"kind": "annular", "obscuration_ratio": 0.3, "condition": 1.1, "residual_nm_rms": 2.0,
+                    "standard_errors_from": "misfit"},
+}  # fmt: skip
+
+
 def test_a_measurement_s_tables():
-    nan = float("nan")
-    facts = {
-        "scene": "a",
-        "pixels_used": 9000,
+    facts = MEASURED | {
         "light_curves_refused": {"empty": 0, "clipped": 12},
-        "pixels_with_traced_light": 0,
-        "pixels_without_model": 0,
-        "deviation_nm_rms": {"piston": 384.12, "piston_tilt": 1.0},
-        "height_standard_error_nm": nan,
-        "integration_misfit": {"urad_rms": 0.5, "noise_urad_rms": nan, "limit_urad_rms": 0.25, "suspicious": True},
-        "islands": {"count": 1, "groups": 1},
-        "zernike": [{"noll": 4, "output_um": 0.25, "standard_error_um": 0.001, "inflation": 1.0}],
-        "zernike_fit": {"kind": "annular", "obscuration_ratio": 0.3, "condition": 1.1, "residual_nm_rms": 2.0,
-                        "standard_errors_from": "misfit"},
+        "height_standard_error_nm": math.nan,
         "checks": [{"name": "integration misfit", "level": "warning", "text": "much"},
                    {"name": "islands", "level": "ok", "text": ""}],
     }  # fmt: skip
@@ -262,6 +268,7 @@ def test_a_measurement_s_tables():
     assert zernike.title == "Zernike coefficients (annular, hole 0.3)"
     assert zernike.rows == [
         ("4", "0.25 +- 0.001"),
+        ("1 others", "below 3 standard errors; all with --json"),
         ("errors from", "misfit"),
         ("condition", "1.1"),
         ("left by the fit", "2 nm rms"),
@@ -320,18 +327,14 @@ def test_terms_that_cannot_be_told_apart_have_no_number(report):
 
 
 def test_a_measurement_s_table_with_error_bars_and_failed_checks():
-    facts = {
-        "scene": "a",
-        "pixels_used": 9000,
-        "light_curves_refused": {},
-        "deviation_nm_rms": {"piston": 384.12},
+    facts = MEASURED | {
         "height_standard_error_nm": 1.2345,
         "slope_standard_error_urad": {"x": 0.05678, "y": 0.06},
         "of_bound": {"x": 1.0123, "y": 1.1},
         "checks": [CHECK, CHECK | {"name": "gains x", "level": "warning", "text": "frame 3 is dark"}],
     }
-    table, checks = measured_tables(facts)
-    assert table.rows[2:] == [
+    table, _, checks = measured_tables(facts)
+    assert table.rows[3:-1] == [
         ("standard error of the height [nm]", "1.23"),
         ("standard error of the slopes [urad]", "0.0568, 0.06"),
         ("centroids' error / Cramer-Rao bound", "1.01, 1.1"),

@@ -60,7 +60,7 @@ def test_report():
     check(report, Report)
     assert report["error_parts"] and report["zernike"]
     assert report.keys() == Report.__required_keys__
-    assert Report.__optional_keys__ == {"target", "noise"}
+    assert Report.__optional_keys__ == {"target", "noise", "checks"}
 
 
 def test_report_of_a_run_with_noise():
