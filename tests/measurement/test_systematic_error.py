@@ -126,6 +126,7 @@ def defocused(device):
     return setup, run.images(LineScan(setup.scene))
 
 
+@pytest.mark.slow
 def test_fine_measures_by_traced_light_where_there_is_no_closed_form(defocused):
     setup, stack = defocused
     result = measure_by("fine", stack, setup.nominal)

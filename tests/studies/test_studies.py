@@ -176,6 +176,7 @@ def test_zonal_errors_fall_with_the_points(monkeypatch, traces):
         assert fine < coarse / 2**order * 1.5  # the pupil's rim takes some of the order
 
 
+@pytest.mark.slow
 def test_table4_reads_both_rms_values(traces, monkeypatch):
     lab_of_one = SharedTraces(traces.device, quick=True)
     lab_of_one.ray_numbers = (20_000,)

@@ -204,7 +204,7 @@ def test_light_that_glass_bends_onto_the_mirror_is_there(device, tilt, wedge):
     assert several == (tilt > 0 or wedge > 0)
 
 
-@pytest.mark.parametrize("tilt", [45, 60, 75, 84])
+@pytest.mark.parametrize("tilt", [*(pytest.param(t, marks=pytest.mark.slow) for t in (45, 60, 75)), 84])
 def test_light_through_a_tilted_plate_of_bare_glass(device, tilt):
     """All orders of reflection, of both polarisations, wherever they leave the plate: displaced by 4 mm and more."""
     scene = glass(60.0, tilt)
