@@ -1,24 +1,27 @@
 #!/usr/bin/env python3
 """Heights from images with noise, background and unequal frames: print the tables of docs/real-light.md.
 
-tools/real_light.py [noise] [pulls] [cameras] [alarms] [--seeds N]: all four without names. Images are those of a scene
-in closed form with NumPy's noise added, so that nothing but the measurement is judged. Slow: about 10 minutes.
+tools/real_light.py [noise] [pulls] [cameras] [alarms] [faults] [--seeds N]: all without names. Images are those of a
+scene in closed form with NumPy's noise added, so that nothing but the measurement is judged. Slow: some 10 minutes.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from irtscots_cl import LineScan, error_bars, load_scene, measure_by, trace
+from irtscots_cl import LineScan, error_bars, estimate_centroids, load_scene, measure_by, trace
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.quality import check_images
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.measurement.saturation import find_ceiling
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.optics.surface import Surface
 
@@ -228,7 +231,40 @@ def alarms_table(seeds: int) -> None:
     print(f"\nFalse alarms: {failed} of {seeds} good stacks of images with 1 % of noise failed a check.")
 
 
-TABLES = {"noise": noise_table, "pulls": pulls_table, "cameras": cameras_table, "alarms": alarms_table}
+def faults_table(_seeds: int) -> None:
+    """What becomes of images with a fault: those of tests/support/image_faults.py, with 0.2 % of noise."""
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+    from image_faults import FAULTS
+    from noisy_images import height_difference_nm, images_of, setup_of
+
+    print("\n| fault | checks that name it | height [nm] | stated [nm] |\n|---|---|---|---|")
+    for fault in FAULTS:
+        setup = setup_of(fault.scene)
+        images = fault.make(images_of(fault.scene).noisy(0.002, seed=1), np.random.default_rng(2))
+        stack = images.stack()
+        stack = stack.saturating_at(find_ceiling(stack))
+        try:
+            result = measure_by("likelihood", stack, setup)
+        except ValueError as error:
+            print(f"| {fault.name} | refused: {str(error).split('; ')[-1]} | | |")
+            continue
+        checks = check_images(stack, setup, estimate_centroids(stack, setup, "likelihood"))
+        named = ", ".join(check.name + " (error)" * (check.level == "error") for check in checks if check.level != "ok")
+        if any(check.level == "error" for check in checks):
+            print(f"| {fault.name} | {named} | refused | |")
+            continue
+        exact = measure_by("likelihood", images_of(fault.scene).stack(), setup)
+        stated = rms(error_bars(result).height_mm, result.height_mask) * 1e6
+        print(f"| {fault.name} | {named} | {height_difference_nm(result, exact):.3g} | {stated:.3g} |")
+
+
+TABLES = {
+    "noise": noise_table,
+    "pulls": pulls_table,
+    "cameras": cameras_table,
+    "alarms": alarms_table,
+    "faults": faults_table,
+}
 
 
 def main() -> None:

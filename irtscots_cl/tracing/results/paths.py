@@ -12,7 +12,7 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.results.transport import TraceResult
 
-KINDS = ("direct", "ghost", "scatter")  # of paths, by the strangest event: kernels/elements/ray.cl
+KINDS = ("direct", "ghost", "scatter")  # of paths; the last that any of its events is: kernels/elements/ray.cl
 PATH_BITS = EVENT_BITS
 MARKS = ("", " (r)", " (s)")  # of events in names: reflected at a refractor, scattered
 
@@ -107,7 +107,7 @@ def events_of(code: int) -> list[tuple[int, int]]:
 
 
 def kind_of(code: int) -> int:
-    """Index of KINDS of a path: its strangest event.
+    """Index of KINDS of a path: the highest of its events.
 
     A ghost is light that an interface reflected instead of passing it on. How often a path meets an element does not
     matter: the light of a window before the mirror crosses it twice, and is direct.
