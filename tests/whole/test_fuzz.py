@@ -172,7 +172,8 @@ def test_the_command_on_scene_files_made_by_chance(tmp_path):
         done = program(COMMAND, *arguments, cwd=tmp_path, seconds=120)
         assert done.returncode == (2 if kind == "refused" else done.returncode), number
         assert done.returncode in (0, 2), (number, done.stderr[-2000:])
-        assert done.stderr.count("\n") == (done.returncode == 2), (number, done.stderr)
+        told = [line for line in done.stderr.splitlines() if not line.startswith("irtscots: warning: ")]
+        assert len(told) == (done.returncode == 2), (number, done.stderr)
         assert int((tmp_path / "peak").read_text()) < MAX_BYTES, number
         codes.append(done.returncode)
         if min(runs.values()) == RUNS:
