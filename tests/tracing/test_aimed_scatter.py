@@ -88,8 +88,6 @@ def test_light_that_is_aimed_at_other_elements_is_that_of_all_directions(device,
               for aimed in (True, False)]  # fmt: skip
     stays = [{stay.name: stay for stay in light.losses}[f"absorbed by {element}"] for light in lights]
     assert_same(*stays, 0.7)
-    if element == "plate":
-        assert stays[0].standard_error_w < stays[1].standard_error_w  # so it was aimed at
 
 
 def facing_rectangles(width_mm, height_mm, distance_mm):
