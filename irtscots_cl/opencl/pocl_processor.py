@@ -1,7 +1,7 @@
 """The processor that PoCL compiles for, named where PoCL's own compiler does not know it.
 
 PoCL asks its LLVM for the processor's name. An LLVM older than the processor answers "generic", a name that its own
-front end then refuses: no kernel builds ("unknown target CPU 'generic'", PoCL issue 1049). The PyPI wheel's LLVM 14
+front end then refuses: no kernel builds ("unknown target CPU 'generic'"). The PyPI wheel's LLVM 14
 does so on AMD's family 26 (Zen 5). No option or environment variable of PoCL 3.0 overrides the name, so it is replaced
 in PoCL's own description of the device, before the first program is built.
 """
