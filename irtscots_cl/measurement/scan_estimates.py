@@ -8,7 +8,9 @@ average is zero.
 
 from __future__ import annotations
 
-from irtscots_cl.imaging.image_stack import ImageStack
+from concurrent.futures import ThreadPoolExecutor
+
+from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.measurement.frame_factors import FALSE_ALARM, frame_gains
 from irtscots_cl.measurement.line_positions import check_fits
 from irtscots_cl.measurement.one_scan import OneScan, ScanEstimate
@@ -30,19 +32,28 @@ def estimate_centroids(
     centroid in both. Raises ValueError if the stack does not match the scene.
     """
     check_fits(stack, setup.chief_rays)
-    sides = [OneScan(scan, setup, light or setup.pixel_light) for scan in (stack.x, stack.y)]
-    for side in sides:
-        side.fit()
-        for _ in range(FRAME_ROUNDS):
-            if not side.leave_out_wrong_frames():
+    light = light or setup.pixel_light
+    _ = setup.chief_rays.sees_mirror  # made once, before two threads ask for it
+    with ThreadPoolExecutor(2) as pool:  # NumPy works on both scans at once
+        sides = list(pool.map(lambda scan: _fitted(scan, setup, light), (stack.x, stack.y)))
+        for k in range(GAIN_ROUNDS):
+            gains = frame_gains(*(side.for_gains() for side in sides))
+            # the fits that a first correction starts from know nothing of gains: a second one completes it
+            if gains.chance > FALSE_ALARM and k != 1:
                 break
-            side.fit()
-    for k in range(GAIN_ROUNDS):
-        gains = frame_gains(*(side.for_gains() for side in sides))
-        # the fits that a first correction starts from know nothing of gains: a second one completes it
-        if gains.chance > FALSE_ALARM and k != 1:
+            for side, change in zip(sides, (gains.x, gains.y), strict=True):
+                side.gain *= change
+            list(pool.map(OneScan.fit, sides))
+        x, y = pool.map(lambda side: side.result(way), sides)
+    return x, y
+
+
+def _fitted(scan: Scan, setup: Setup, light: PixelLight) -> OneScan:
+    """A scan with its fits, without the frames that show another line."""
+    side = OneScan(scan, setup, light)
+    side.fit()
+    for _ in range(FRAME_ROUNDS):
+        if not side.leave_out_wrong_frames():
             break
-        for side, change in zip(sides, (gains.x, gains.y), strict=True):
-            side.gain *= change
-            side.fit()
-    return sides[0].result(way), sides[1].result(way)
+        side.fit()
+    return side
