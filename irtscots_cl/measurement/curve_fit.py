@@ -12,6 +12,7 @@ most.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,7 @@ from irtscots_cl.measurement.curve_profiles import Profiles
 from irtscots_cl.measurement.curve_windows import CurveWindows, line_pitch
 
 PROFILE_ERROR = 1e-3  # of a curve's peak: what the modelled profile may be wrong by, in its flanks too
+CHUNK = 2**15  # curves fitted at a time, so that large images need little more memory than their own
 NEAR = 0.02  # lines: a shorter step of the fit leaves an error below 1e-4 lines
 ROUNDS = 4  # of moving the profile at most
 DIM = 0.02  # of a curve's peak: noise that grows with the light is taken to be at least that of so much light
@@ -106,20 +108,27 @@ def fit_profiles(
     for _ in range(1 if exact else ROUNDS):
         if not moving.size:
             break
-        part, of_gain = windows.part(moving), gain[moving]
         if exact:
             share, by_place = profiles.exact_shares(windows.first, shape[1], place)
-        else:
-            share[moving], by_place[moving] = profiles.shares(moving, part.first, shape[1], place[moving])
-        columns = _columns(part, share[moving] * of_gain, by_place[moving] * of_gain)
-        weight = _weights(part, noise, moving, share[moving] * of_gain, columns)
-        solved[moving], inverse[moving] = _solve(part, columns, weight, noise.floor[moving], tilted)
+        for some in _chunks(moving):
+            part, of_gain = windows.part(some), gain[some]
+            if not exact:
+                share[some], by_place[some] = profiles.shares(some, part.first, shape[1], place[some])
+            columns = _columns(part, share[some] * of_gain, by_place[some] * of_gain)
+            weight = _weights(part, noise, some, share[some] * of_gain, columns)
+            solved[some], inverse[some] = _solve(part, columns, weight, noise.floor[some], tilted)
         with np.errstate(invalid="ignore", divide="ignore"):
             step = np.clip(solved[moving, 1] / solved[moving, 0], -near, near)
         place[moving] += step
         with np.errstate(invalid="ignore"):
             moving = moving[np.abs(step) > NEAR * profiles.pitch]
     return _fits(windows, noise, gain, place, share, by_place, solved, inverse), inverse
+
+
+def _chunks(index: IntArray) -> Iterator[IntArray]:
+    """Parts of an index array, of CHUNK curves at most."""
+    for first in range(0, len(index), CHUNK):
+        yield index[first : first + CHUNK]
 
 
 def _columns(part: CurveWindows, light: FloatArray, by_place: FloatArray) -> FloatArray:
@@ -192,11 +201,25 @@ def covariances(
     The weights differ from the noise's own where PROFILE_ERROR limits them, so the error is that of the weighted fit;
     the bound is that of the best weights.
     """
+    error, bound = np.empty(len(fits.flux)), np.empty(len(fits.flux))
+    for some in _chunks(np.arange(len(fits.flux))):
+        of_some = fits.modelled[some], fits.derivative[some], fits.flux[some]
+        error[some], bound[some] = _covariances(windows.part(some), *of_some, noise.part(some), tilted)
+    return error, bound
+
+
+def _covariances(
+    windows: CurveWindows,
+    light: FloatArray,
+    derivative: FloatArray,
+    flux: FloatArray,
+    noise: SampleNoise,
+    tilted: bool,
+) -> tuple[FloatArray, FloatArray]:
+    """As covariances, of curves with that light and its derivative [m, W] and flux [m]."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        columns = np.nan_to_num(
-            _columns(windows, fits.modelled / fits.flux[:, None], fits.derivative / fits.flux[:, None])
-        )
-    variance, weight = noise.variance(fits.modelled), windows.allowed * noise.weight(fits.modelled)
+        columns = np.nan_to_num(_columns(windows, light / flux[:, None], derivative / flux[:, None]))
+    variance, weight = noise.variance(light), windows.allowed * noise.weight(light)
     normal, _ = _normal(windows, columns, weight, noise.floor)
     row = _inverse(normal, tilted)[:, 1]
     weighted = columns * (weight**2 * variance)[..., None]
@@ -208,8 +231,8 @@ def covariances(
     # a dark sample without noise tells the background exactly
     normal, _ = _normal(windows, columns, best, np.where(noise.floor > 0, noise.floor, 1e-6 / _highest(best)))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        error = np.sqrt(np.einsum("ni,nij,nj->n", row, spread, row)) / fits.flux
-        bound = np.sqrt(_inverse(normal, tilted)[:, 1, 1]) / fits.flux
+        error = np.sqrt(np.einsum("ni,nij,nj->n", row, spread, row)) / flux
+        bound = np.sqrt(_inverse(normal, tilted)[:, 1, 1]) / flux
     return error, np.where(np.asarray(best.any(1)), bound, 0.0)
 
 
