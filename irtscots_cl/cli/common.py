@@ -147,11 +147,6 @@ def add_noise(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def print_warnings(lines: Iterable[str]) -> None:
-    for line in lines:
-        print(f"irtscots: warning: {line}", file=sys.stderr)
-
-
 def warn_of(checks: Iterable[CheckFacts]) -> None:
     """Print the checks of images that were not passed, a line each, to stderr."""
     for check in checks:

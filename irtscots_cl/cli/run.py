@@ -25,7 +25,6 @@ from irtscots_cl.cli.common import (
     command,
     print_json,
     print_tables,
-    print_warnings,
     site_arguments,
     visible_setup,
     warn,
@@ -121,7 +120,8 @@ def _execute(options: argparse.Namespace) -> int:
         keeper.remove()
     from irtscots_cl.report.tables import cautions, summary_tables
 
-    print_warnings(run.report["warnings"])
+    for line in run.report["warnings"]:
+        warn(line)
     warn_of(run.report.get("checks", ()))
     for line in cautions(run.report):
         warn(line)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from irtscots_cl.imaging.bad_values import check_values
-from irtscots_cl.maths.arrays import FloatArray, IntArray
+from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.maths.statistics import jackknife_error
 
 
@@ -44,6 +44,16 @@ class Scan:
     def lines(self) -> IntArray:
         """Line numbers [n, window] of the light curves' samples."""
         return self.first_line[:, None] + np.arange(self.flux_w.shape[-1])
+
+    def part(self, chosen: slice | BoolArray | IntArray) -> Scan:
+        """The scan of some of its light curves."""
+        return replace(
+            self,
+            pixels=self.pixels[chosen],
+            first_line=self.first_line[chosen],
+            flux_w=self.flux_w[:, chosen],
+            hits=self.hits[chosen],
+        )
 
     def mean_w(self) -> FloatArray:
         """Light curves [n, window], the mean over the replicates."""

@@ -115,14 +115,14 @@ def fit_profiles(
             if not exact:
                 share[some], by_place[some] = profiles.shares(some, part.first, shape[1], place[some])
             columns = _columns(part, share[some] * of_gain, by_place[some] * of_gain)
-            weight = _weights(part, noise, some, share[some] * of_gain, columns)
+            weight = _weights(part, noise.part(some), share[some] * of_gain)
             solved[some], inverse[some] = _solve(part, columns, weight, noise.floor[some], tilted)
         with np.errstate(invalid="ignore", divide="ignore"):
             step = np.clip(solved[moving, 1] / solved[moving, 0], -near, near)
         place[moving] += step
         with np.errstate(invalid="ignore"):
             moving = moving[np.abs(step) > NEAR * profiles.pitch]
-    return _fits(windows, noise, gain, place, share, by_place, solved, inverse), inverse
+    return _fits(windows, noise, gain, place, share, by_place, solved), inverse
 
 
 def _chunks(index: IntArray) -> Iterator[IntArray]:
@@ -137,20 +137,18 @@ def _columns(part: CurveWindows, light: FloatArray, by_place: FloatArray) -> Flo
     return np.stack([light, by_place, np.ones(t.shape), t], -1) * part.allowed[..., None]
 
 
-def _weights(
-    part: CurveWindows, noise: SampleNoise, index: IntArray, light: FloatArray, columns: FloatArray
-) -> FloatArray:
+def _unit_columns(part: CurveWindows, light: FloatArray, derivative: FloatArray, flux: FloatArray) -> FloatArray:
+    """As _columns, of fitted light and its derivative [m, W] by place; 0 for a curve without a flux [m]."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.nan_to_num(_columns(part, light / flux[:, None], derivative / flux[:, None]))
+
+
+def _weights(part: CurveWindows, noise: SampleNoise, light: FloatArray) -> FloatArray:
     """Weights [m, W] of the samples, from the light that a fit with equal weights finds."""
-    level = _outside_level(part)
-    bright = np.einsum("nw,nw->n", light * part.allowed, part.samples - level[:, None])
+    bright = np.einsum("nw,nw->n", light * part.allowed, part.samples - part.outside_level[:, None])
     with np.errstate(invalid="ignore", divide="ignore"):
         flux = np.nan_to_num(bright / (light**2 * part.allowed).sum(1))
-    return part.allowed * noise.part(index).weight(flux[:, None] * light)
-
-
-def _outside_level(part: CurveWindows) -> FloatArray:
-    level: FloatArray = part.outside[3] / np.maximum(part.outside[0], 1)
-    return level
+    return part.allowed * noise.weight(flux[:, None] * light)
 
 
 def _solve(
@@ -217,8 +215,7 @@ def _covariances(
     tilted: bool,
 ) -> tuple[FloatArray, FloatArray]:
     """As covariances, of curves with that light and its derivative [m, W] and flux [m]."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        columns = np.nan_to_num(_columns(windows, light / flux[:, None], derivative / flux[:, None]))
+    columns = _unit_columns(windows, light, derivative, flux)
     variance, weight = noise.variance(light), windows.allowed * noise.weight(light)
     normal, _ = _normal(windows, columns, weight, noise.floor)
     row = _inverse(normal, tilted)[:, 1]
@@ -257,7 +254,6 @@ def _fits(
     share: FloatArray,
     by_place: FloatArray,
     solved: FloatArray,
-    inverse: FloatArray,
 ) -> CurveFits:
     flux, _, level, slope = solved.T
     light = np.where(windows.allowed, flux[:, None] * share * gain, 0.0)
@@ -288,9 +284,7 @@ def relinearised(
     fits: CurveFits, windows: CurveWindows, noise: SampleNoise, inverse: FloatArray, other: CurveWindows
 ) -> FloatArray:
     """Places [n] of other samples in the same windows, such as those of some exposures, by one linear step."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        columns = _columns(windows, fits.modelled / fits.flux[:, None], fits.derivative / fits.flux[:, None])
-    columns = np.nan_to_num(columns)
+    columns = _unit_columns(windows, fits.modelled, fits.derivative, fits.flux)
     weight = windows.allowed * noise.weight(fits.modelled)
     _, here = _normal(windows, columns, weight, noise.floor)
     _, there = _normal(other, columns, weight, noise.floor)
@@ -341,7 +335,8 @@ def _background(windows: CurveWindows, tilted: bool) -> tuple[FloatArray, ...]:
     count, t, t2, y, ty, _ = windows.outside
     some = np.maximum(count, 1)
     if not tilted:
-        return y / some, np.zeros(len(y)), np.where(count > 0, 1 / some, 0.0), np.zeros(len(y)), np.zeros(len(y))
+        none = np.zeros(len(y))
+        return windows.outside_level, none, np.where(count > 0, 1 / some, 0.0), none, none
     determinant = np.where(count * t2 - t * t > 0, count * t2 - t * t, np.inf)
     level, slope = (t2 * y - t * ty) / determinant, (count * ty - t * y) / determinant
     return level, slope, t2 / determinant, count / determinant, -t / determinant

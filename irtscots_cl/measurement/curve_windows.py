@@ -43,6 +43,20 @@ class CurveWindows:
         width: int = self.allowed.shape[1]
         return self.first[:, None] + np.arange(width)
 
+    @property
+    def outside_level(self) -> FloatArray:
+        """Mean [n] of the samples outside; 0 where there is none."""
+        level: FloatArray = self.outside[3] / np.maximum(self.outside[0], 1)
+        return level
+
+    @property
+    def outside_trend(self) -> FloatArray:
+        """What a slope takes [n] off the sum of squares of the samples outside: noise alone makes its variance."""
+        count, t, t2, y, ty, _ = self.outside
+        some = np.maximum(count, 1)
+        spread = t2 - t * t / some
+        return np.where(spread > 0, (ty - t * y / some) ** 2 / np.where(spread > 0, spread, 1), 0.0)
+
     def part(self, chosen: slice | IntArray | BoolArray) -> CurveWindows:
         """The windows of some of the curves."""
         return replace(
@@ -59,6 +73,11 @@ def line_pitch(scan: Scan) -> float:
     return float(np.diff(scan.positions_mm).mean()) if len(scan.positions_mm) > 1 else 1.0
 
 
+def light_box(reach: float) -> int:
+    """Lines of a box of the width, at half its height, of light with a half-extent of `reach` lines."""
+    return max(1, round(2 * reach * FULL_WIDTH))
+
+
 def find_light(scan: Scan, curves: FloatArray, reach_mm: FloatArray, usable: BoolArray) -> FloatArray:
     """First estimate of the light's place [n], as a fractional line number; NaN for a curve without samples.
 
@@ -67,7 +86,7 @@ def find_light(scan: Scan, curves: FloatArray, reach_mm: FloatArray, usable: Boo
     """
     reach = np.nan_to_num(reach_mm / line_pitch(scan), nan=1.0, posinf=1.0)
     typical = float(np.median(reach[reach > 0])) if (reach > 0).any() else 1.0
-    box = int(np.clip(round(2 * typical * FULL_WIDTH), 1, curves.shape[1]))
+    box = min(light_box(typical), curves.shape[1])
     on_scan = _recorded(scan, curves, usable)
     values = np.where(on_scan, curves, 0.0)
     total = np.cumsum(np.pad(values, ((0, 0), (1, 0))), axis=1)

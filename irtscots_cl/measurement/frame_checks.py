@@ -20,10 +20,8 @@ SIGMAS = 6.0  # misfits that noise alone makes once in 1e9 frames are none
 MANY = 0.01  # of all pixels with light where none can be: that is a wrong frame
 MIN_PIXELS = 5  # lit by a frame, for a judgement
 DIM_CURVE = 0.2  # of the median flux: curves with less tell nothing of the frames
-BLACK = 0.2  # of the expected light: a frame with less shows no line
-
-
 WORST = 0.3  # of the worst frame's misfit: frames with less may be wrong only because that one has moved the fits
+BLACK = 0.2  # of the expected light: a frame with less shows no line
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from irtscots_cl.measurement.curve_fit import (
     relinearised,
 )
 from irtscots_cl.measurement.curve_profiles import Profiles
-from irtscots_cl.measurement.curve_windows import CurveWindows, find_light, line_pitch, place_windows
+from irtscots_cl.measurement.curve_windows import CurveWindows, find_light, light_box, line_pitch, place_windows
 from irtscots_cl.measurement.frame_checks import FrameChecks, check_frames
 from irtscots_cl.measurement.frame_factors import ScanFit
 from irtscots_cl.measurement.light_curves import EDGE_TOLERANCE, STRAY_SHARE, Flag
@@ -72,13 +72,7 @@ class OneScan:
         reach = (half_width + (box_row + box_column) / 2).ravel()[scan.pixels]
         seen = setup.chief_rays.sees_mirror.ravel()[scan.pixels] & np.isfinite(reach)
         if not seen.all():
-            scan = replace(
-                scan,
-                pixels=scan.pixels[seen],
-                first_line=scan.first_line[seen],
-                flux_w=scan.flux_w[:, seen],
-                hits=scan.hits[seen],
-            )
+            scan = scan.part(seen)
         self.scan, self.reach = scan, reach[seen]
         self.curves = self.bright = scan.flux_w[0] if len(scan.weights) == 1 else scan.mean_w()
         self.saturated = np.zeros(len(self.curves), bool)
@@ -99,14 +93,7 @@ class OneScan:
             yield slice(first, first + CHUNK)
 
     def _part(self, chosen: slice, curves: FloatArray) -> tuple[Scan, FloatArray]:
-        scan = replace(
-            self.scan,
-            pixels=self.scan.pixels[chosen],
-            first_line=self.scan.first_line[chosen],
-            flux_w=self.scan.flux_w[:, chosen],
-            hits=self.scan.hits[chosen],
-        )
-        values = curves[chosen]
+        scan, values = self.scan.part(chosen), curves[chosen]
         if self.offset.any():
             lines = np.minimum(scan.lines, len(self.offset) - 1)
             values = values - self.offset[lines]
@@ -138,12 +125,10 @@ class OneScan:
 
     def _place(self, windows: CurveWindows) -> FloatArray:
         """First estimate [n] in mm, and the noise of the dark samples, with or without a slope of the background."""
-        count, t, t2, y, ty, _ = windows.outside
         self.noise = SampleNoise(dark_noise(windows, False), 0.0)
-        spread = t2 - t * t / np.maximum(count, 1)
-        fit = np.where(spread > 0, (ty - t * y / np.maximum(count, 1)) / np.sqrt(np.where(spread > 0, spread, 1)), 0.0)
         with np.errstate(invalid="ignore", divide="ignore"):
-            z2 = np.where((self.noise.floor > 0) & (count > 3), fit**2 / self.noise.floor, np.nan)
+            z2 = windows.outside_trend / self.noise.floor
+        z2 = np.where((self.noise.floor > 0) & (windows.outside[0] > 3), z2, np.nan)
         z2 = z2[np.isfinite(z2)]
         # slopes that are noise have squares of mean 1; a common slope shows in all
         self.tilted = bool(z2.size) and float(np.median(z2)) > chi2.median(1) * (1 + 8 / np.sqrt(z2.size))
@@ -211,19 +196,11 @@ class OneScan:
         of them [L] are as bright as light."""
         count = len(self.scan.positions_mm)
         sums = np.zeros((3, count))
-        level, slope = self._dark_level()
-        half = self.windows.allowed.shape[1] // 2 + 1
         peaks = self.fits.modelled.max(1, initial=0.0)
         typical = float(np.median(peaks[peaks > 0])) if peaks.any() else 0.0
         floor = max(float(np.median(self.noise.floor)) if len(peaks) else 0.0, (DARK * typical) ** 2)
-        for chosen in self._chunks():
-            scan, values = self._part(chosen, self.curves)
-            away = np.abs(scan.lines - self.places[chosen, None]) > half
-            away &= np.isfinite(values) & (scan.lines < count)
-            dark = level[chosen, None] + slope[chosen, None] * (scan.lines - self.windows.middle)
-            over = np.where(away, values - dark, 0.0)
+        for _, lines, away, over in self._away():
             bright = over > max(STRAY_SIGMAS * np.sqrt(floor), STRAY_SHARE * typical)
-            lines = np.minimum(scan.lines, count - 1)
             for total, part in zip(sums, (away, np.where(bright, 0.0, over), bright), strict=True):
                 total += np.bincount(lines.ravel(), part.ravel(), count)
         number = np.maximum(sums[0], 1)
@@ -234,11 +211,24 @@ class OneScan:
         least = np.maximum(STRAY_SIGMAS * np.sqrt(floor / number), FEIGNED * np.abs(mean).max())
         return np.where(np.abs(mean) > least, mean, 0.0), sums[2].astype(np.int64)
 
+    def _away(self) -> Iterator[tuple[slice, IntArray, BoolArray, FloatArray]]:
+        """For each chunk of the curves: it, its samples' line numbers, which samples lie away from the curve's window,
+        and by how much those exceed the background; 0 for the others."""
+        count = len(self.scan.positions_mm)
+        level, slope = self._dark_level()
+        half = self.windows.allowed.shape[1] // 2 + 1
+        for chosen in self._chunks():
+            scan, values = self._part(chosen, self.curves)
+            away = np.abs(scan.lines - self.places[chosen, None]) > half
+            away &= np.isfinite(values) & (scan.lines < count)
+            dark = level[chosen, None] + slope[chosen, None] * (scan.lines - self.windows.middle)
+            over = np.where(away, values - dark, 0.0)
+            yield chosen, np.minimum(scan.lines, count - 1), away, over
+
     def _dark_level(self) -> tuple[FloatArray, FloatArray]:
         """Level and slope [n] of each curve's background: of the fit, or of the samples outside."""
-        outside = self.windows.outside[3] / np.maximum(self.windows.outside[0], 1)
         fitted = np.isfinite(self.fits.place_mm)
-        return np.where(fitted, self.fits.level, outside), np.where(fitted, self.fits.slope, 0.0)
+        return np.where(fitted, self.fits.level, self.windows.outside_level), np.where(fitted, self.fits.slope, 0.0)
 
     def for_gains(self) -> ScanFit:
         """What the gains of the frames are found from."""
@@ -336,19 +326,14 @@ class OneScan:
 
         Level and noise are those of the samples beside the box: a second light raises both of all samples together.
         """
-        box = max(1, round(2 * float(np.median(self.reach)) / line_pitch(self.scan) * 0.6)) if len(self.reach) else 1
-        count = len(self.scan.positions_mm)
+        box = light_box(float(np.median(self.reach)) / line_pitch(self.scan)) if len(self.reach) else 1
         found = np.zeros(len(self.curves), bool)
-        level, slope = self._dark_level()
         common = float(np.median(self.noise.floor)) if len(found) else 0.0
-        half = self.windows.allowed.shape[1] // 2 + 1
-        for chosen in self._chunks():
-            scan, values = self._part(chosen, self.curves)
-            away = (np.abs(scan.lines - self.places[chosen, None]) > half) & np.isfinite(values)
-            away &= self.usable[np.minimum(scan.lines, count - 1)] & (scan.lines < count)
-            dark = level[chosen, None] + slope[chosen, None] * (scan.lines - self.windows.middle)
-            over = np.where(away, values - dark, 0.0)
-            number, total, square = (np.cumsum(np.pad(v, ((0, 0), (1, 0))), axis=1) for v in (away, over, over**2))
+        for chosen, lines, away, over in self._away():
+            away = away & self.usable[lines]
+            over = np.where(away, over, 0.0)
+            summed = (away.astype(np.float64), over, over**2)
+            number, total, square = (np.cumsum(np.pad(v, ((0, 0), (1, 0))), axis=1) for v in summed)
             inside = [v[:, box:] - v[:, :-box] for v in (number, total, square)]
             if not inside[0].shape[1]:
                 continue

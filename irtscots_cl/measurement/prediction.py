@@ -17,12 +17,11 @@ from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import poisson_error
-from irtscots_cl.measurement.error_bars import error_bars
+from irtscots_cl.measurement.error_bars import error_bars, slope_derivatives
 from irtscots_cl.measurement.light_profiles import sampling_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
-from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
+from irtscots_cl.measurement.slopes import deconvolve_pixel
 from irtscots_cl.measurement.systematic_error import SystematicError, systematic_error
-from irtscots_cl.optics.chief_rays import ChiefRays
 
 SHARPENED = float(np.hypot(7 / 6, 2 / 24))  # by which deconvolve_pixel multiplies the rms of independent noise
 LOST_SHARE = 0.02  # of the pixels: as many without a model leave the rms as it is
@@ -82,7 +81,8 @@ def predict_error(
     about as much as the measurement; false: line sampling alone. rounding_height_mm: of the trace's arithmetic, for a
     simulation.
     """
-    scale = _slope_per_mm(result.setup.chief_rays, result)
+    along_u, along_v = slope_derivatives(result)
+    scale = [np.abs(along_u[0]), np.abs(along_v[1])]
     mask = result.mask
     bias = [_line_sampling(result, scan) * scale[k] for k, scan in enumerate((stack.x, stack.y))]
     noise, heights = _noise(result, stack, scale)
@@ -181,13 +181,3 @@ def _heights(result: Reconstruction, slope_x: FloatArray, slope_y: FloatArray) -
         remove_terms(result.x_mm, result.y_mm, h, result.height_mask, "piston_tilt")
         for h in heights.reshape(-1, *result.mask.shape)
     ]
-
-
-def _slope_per_mm(chief: ChiefRays, result: Reconstruction, step_mm: float = 1e-3) -> list[FloatArray]:
-    """|d slope / d centroid| [rad/mm] of every pixel, along x and y."""
-    points = np.stack([result.x_mm, result.y_mm, result.height_mm], -1)
-    camera, to_world = chief.camera_frame.position_mm, chief.screen_frame.to_world
-    centre = half_vector_slopes(points, to_world(result.centroid_x_mm, result.centroid_y_mm), camera)
-    x = half_vector_slopes(points, to_world(result.centroid_x_mm + step_mm, result.centroid_y_mm), camera)
-    y = half_vector_slopes(points, to_world(result.centroid_x_mm, result.centroid_y_mm + step_mm), camera)
-    return [np.abs(x[0] - centre[0]) / step_mm, np.abs(y[1] - centre[1]) / step_mm]

@@ -55,9 +55,7 @@ def refine(result: Reconstruction, stack: ImageStack, *, rounds: int = 4, tolera
     return result
 
 
-def zernike_fit(
-    result: Reconstruction, order: int | None = None, pixels_per_term: int | None = None
-) -> FloatArray:
+def zernike_fit(result: Reconstruction, order: int | None = None, pixels_per_term: int | None = None) -> FloatArray:
     """Matrix [terms, pixels used] from heights to coefficients of Noll terms 1, 2, ... by least squares over the mask.
 
     Combinations of terms that the mask cannot separate are omitted. Groups of islands have pistons of their own.

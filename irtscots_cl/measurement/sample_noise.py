@@ -22,7 +22,7 @@ SIGNIFICANT = 3.0  # standard errors of the growth with light: less is left out
 
 def dark_noise(windows: CurveWindows, tilted: bool) -> FloatArray:
     """Variance [n] of dark samples: one value for all pixels, or a pixel's own where it is clearly larger."""
-    count, t, t2, y, ty, y2 = windows.outside
+    count, _, _, y, _, y2 = windows.outside
     freedom = count - (2 if tilted else 1)
     known = freedom > 0
     if not known.any():
@@ -30,8 +30,7 @@ def dark_noise(windows: CurveWindows, tilted: bool) -> FloatArray:
     some = np.maximum(count, 1)
     squares = y2 - y * y / some
     if tilted:
-        spread = t2 - t * t / some
-        squares = squares - np.where(spread > 0, (ty - t * y / some) ** 2 / np.where(spread > 0, spread, 1), 0.0)
+        squares = squares - windows.outside_trend
     # rounding of the sums: y2 and y * y / count are equal in noise-free images
     squares = np.where(squares > 1e-12 * y2, squares, 0.0)
     own = squares / np.maximum(freedom, 1)

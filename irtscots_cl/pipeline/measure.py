@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import cast
 
@@ -22,9 +21,9 @@ from irtscots_cl.measurement.saturation import find_ceiling
 from irtscots_cl.measurement.scan_estimates import estimate_centroids
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
-from irtscots_cl.report.quality import fit_facts, island_facts, misfit_facts, quality_checks
+from irtscots_cl.report.quality import check_facts, fit_facts, island_facts, misfit_facts, quality_checks
 from irtscots_cl.report.result_file import write_result
-from irtscots_cl.report.types import AlongAxes, CheckFacts, HeightErrors, MeasuredFacts, Refused
+from irtscots_cl.report.types import AlongAxes, HeightErrors, MeasuredFacts, Refused
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
 
@@ -149,7 +148,7 @@ def _facts(
         "zernike_fit": fit,
         "islands": islands,
         "integration_misfit": misfit,
-        "checks": [cast("CheckFacts", asdict(check)) for check in checks],
+        "checks": check_facts(checks),
     }
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, cast
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,10 +17,12 @@ from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.measurement.methods import BEST, measure_by
 from irtscots_cl.measurement.prediction import predict_error
+from irtscots_cl.measurement.quality import check_images
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.opencl.device import Device, select_devices
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.report.facts import build_report
+from irtscots_cl.report.quality import check_facts
 from irtscots_cl.report.types import CheckFacts, Report
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
@@ -111,11 +113,8 @@ def _rounding_mm(setup: Setup, transport: Transport | LineLight, device, client)
 
 def checks_of(result: Reconstruction, stack: ImageStack) -> list[CheckFacts]:
     """The checks of the images of a result by the best measure, as report.json holds them."""
-    from irtscots_cl.measurement.quality import check_images  # imported late: few runs have noise
-
     assert result.estimates_of_scans is not None
-    checks = check_images(stack, result.setup, result.estimates_of_scans)
-    return [cast("CheckFacts", asdict(check)) for check in checks]
+    return check_facts(check_images(stack, result.setup, result.estimates_of_scans))
 
 
 def _clean_images(transport: Transport | LineLight) -> tuple[ImageStack, dict]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from typing import cast
+
 import numpy as np
 
 from irtscots_cl.maths.arrays import FloatArray
@@ -11,7 +14,7 @@ from irtscots_cl.maths.low_order import rms
 from irtscots_cl.measurement.coefficients import Coefficients
 from irtscots_cl.measurement.quality import OK, WARNING, Check
 from irtscots_cl.measurement.reconstruction import Reconstruction
-from irtscots_cl.report.types import IslandFacts, IslandReport, MisfitFacts, ZernikeFitFacts
+from irtscots_cl.report.types import CheckFacts, IslandFacts, IslandReport, MisfitFacts, ZernikeFitFacts
 
 LISTED_ISLANDS = 20  # the largest
 
@@ -44,6 +47,10 @@ def _island(islands: Islands, k: int, level: FloatArray) -> IslandFacts:
         "piston_standard_error_nm": float(islands.error_mm[k] * 1e6) if known else float("nan"),
         "nm_rms": rms(level, islands.label == k + 1) * 1e6,
     }
+
+
+def check_facts(checks: list[Check]) -> list[CheckFacts]:
+    return [cast("CheckFacts", asdict(check)) for check in checks]
 
 
 def misfit_facts(misfit: Misfit) -> MisfitFacts:
