@@ -14,7 +14,7 @@ from irtscots_cl.measurement.curve_windows import line_pitch
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.system import interruption
 
-STEPS = 28  # of the table over a profile's extent, but at most 4 per line: interpolation moves a height by 0.5 nm
+STEPS = 28  # of the table over a profile's extent, but at most 4 per line: the last step of a fit does without it
 STEP = 0.05  # lines: for the derivative of a profile by differences
 BEYOND = 1.1  # half-extents of a pixel's light that hold all of it
 

@@ -17,7 +17,7 @@ from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import poisson_error
-from irtscots_cl.measurement.error_bars import error_bars, slope_derivatives
+from irtscots_cl.measurement.error_bars import ErrorBars, error_bars, slope_derivatives
 from irtscots_cl.measurement.light_profiles import sampling_error
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.slopes import deconvolve_pixel
@@ -71,7 +71,12 @@ class PredictedError:
 
 
 def predict_error(
-    result: Reconstruction, stack: ImageStack, *, systematic: bool = True, rounding_height_mm: float = 0.0
+    result: Reconstruction,
+    stack: ImageStack,
+    *,
+    systematic: bool = True,
+    rounding_height_mm: float = 0.0,
+    bars: ErrorBars | None = None,
 ) -> PredictedError:
     """Predict the slope and height errors of a reconstruction from the design and from its own light curves.
 
@@ -79,13 +84,13 @@ def predict_error(
     curve's rays if these are independent, and from the scatter of the replicates for other samplers. The prediction is
     NaN if neither is available. systematic: also predict what is left without noise (systematic_error.py), which costs
     about as much as the measurement; false: line sampling alone. rounding_height_mm: of the trace's arithmetic, for a
-    simulation.
+    simulation. bars: error_bars(result), where they are there already.
     """
     along_u, along_v = slope_derivatives(result)
     scale = [np.abs(along_u[0]), np.abs(along_v[1])]
     mask = result.mask
     bias = [_line_sampling(result, scan) * scale[k] for k, scan in enumerate((stack.x, stack.y))]
-    noise, heights = _noise(result, stack, scale)
+    noise, heights = _noise(result, stack, scale, bars or error_bars(result))
     known = bool(heights)
     unresolved = _unresolved(result, stack, scale)
     steady = systematic_error(result, stack, np.stack(heights) if known else None) if systematic else None
@@ -102,12 +107,11 @@ def predict_error(
 
 
 def _noise(
-    result: Reconstruction, stack: ImageStack, scale: list[FloatArray]
+    result: Reconstruction, stack: ImageStack, scale: list[FloatArray], bars: ErrorBars | None
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """Standard errors of the slopes [rows, columns], and height maps of such noise, piston and tilt removed; no maps
     where the noise is not known."""
     mask = result.mask
-    bars = error_bars(result)
     if bars is not None:
         maps = [remove_terms(result.x_mm, result.y_mm, h, result.height_mask, "piston_tilt") for h in bars.draws_mm]
         return [bars.slope_x, bars.slope_y], maps

@@ -35,7 +35,7 @@ def write_run(run: Run, folder: Path) -> None:
         "ledger": json.dumps(report["ledger"]),
     }
     with open_output_folder(folder):
-        write_result(folder / "result.h5", run.stack, run.result, attributes | version_attributes())
+        write_result(folder / "result.h5", run.stack, run.result, attributes | version_attributes(), run.bars)
         figures = write_figures(folder / "figures", run.stack, run.result, run.comparison, run.parts)
         write_html(folder / "report.html", report, figures, toml)
         write_json(folder / "report.json", report)

@@ -15,6 +15,7 @@ from irtscots_cl.execution.executor import Executor
 from irtscots_cl.execution.select import executor_of
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.measurement.error_bars import ErrorBars, error_bars
 from irtscots_cl.measurement.methods import BEST, measure_by
 from irtscots_cl.measurement.prediction import predict_error
 from irtscots_cl.measurement.quality import check_images
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Run:
     """A finished simulation and its measurement. parts: of the height error, where asked for. report: as report.json
-    holds it."""
+    holds it. bars: standard errors from the noise of the images, by measures that give them."""
 
     transport: Transport | LineLight
     stack: ImageStack
@@ -48,6 +49,7 @@ class Run:
     comparison: Comparison
     parts: tuple[ErrorTerm, ...]
     report: Report
+    bars: ErrorBars | None = None
 
 
 def simulate(
@@ -89,14 +91,15 @@ def simulate(
     interruption.check()
     rounding = _rounding_mm(setup, transport, device, client)
     comparison = compare(result, scene, zernike)
-    predicted = predict_error(result, stack, rounding_height_mm=rounding)
+    bars = error_bars(result)
+    predicted = predict_error(result, stack, rounding_height_mm=rounding, bars=bars)
     seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
     separated = error_terms(result, setup, measure, transport.options, device) if parts else ()
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
     report.update(more_facts)
     if measure == BEST:
         report["checks"] = checks_of(result, stack)
-    return Run(transport, stack, result, comparison, separated, report)
+    return Run(transport, stack, result, comparison, separated, report, bars)
 
 
 def _rounding_mm(setup: Setup, transport: Transport | LineLight, device, client) -> float:

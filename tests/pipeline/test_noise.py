@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -99,6 +100,15 @@ def test_the_images_that_are_measured_are_the_recorded_ones_and_the_report_says_
         np.testing.assert_allclose(file["images/x"][3], run.stack.x.image(3), rtol=0, atol=1e-8)
         assert "[camera.detector.noise]" in file.attrs["scene"] and "[screen.response]" in file.attrs["scene"]
     assert "electrons at peak" in (tmp_path / "report.html").read_text()
+
+
+def test_one_exposure_s_file_holds_the_errors_that_its_images_show(tmp_path):
+    noise = replace(NOISE, exposures=1)
+    run = simulate(with_noise(SCENE, noise), estimator="analytic", measure="likelihood")
+    write_run(run, tmp_path)
+    with h5py.File(tmp_path / "result.h5") as file:
+        for name in ("height_standard_error_nm", "centroid/x_standard_error_mm", "slope/y_standard_error_rad"):
+            assert (file[name][()][run.result.mask] > 0).all(), name
 
 
 def test_arguments_take_the_place_of_the_scene_s_own_tables():
