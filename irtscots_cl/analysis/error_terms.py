@@ -43,7 +43,10 @@ class ErrorTerm:
 
 
 def error_terms(
-    result: Reconstruction, scene: Scene | Setup, measure: str, options: TraceOptions,
+    result: Reconstruction,
+    scene: Scene | Setup,
+    measure: str,
+    options: TraceOptions,
     device: Device | Sequence[Device] | None = None,
 ) -> tuple[ErrorTerm, ...]:
     """The terms of a result's height error against the scene's true mirror, in the order of the measurement.
@@ -119,9 +122,7 @@ def _refined(result: Reconstruction, free: Reconstruction, surface: Surface, tru
     return slopes, heights
 
 
-def _rounding(
-    result: Reconstruction, setup: Setup, options: TraceOptions, device: Device | None
-) -> np.ndarray | None:
+def _rounding(result: Reconstruction, setup: Setup, options: TraceOptions, device: Device | None) -> np.ndarray | None:
     """Slopes [2, rows, columns] in single minus double precision, of the same rays; None if not separated."""
     if options.estimator != "adjoint" or options.precision != "fp32" or device is None or not device.has_fp64:
         return None

@@ -34,4 +34,4 @@ class LineScan:
         k = "xy".index(axis)
         screen = self.scene.screen
         count = screen.pixels[k]
-        return (np.arange(count, dtype=float) - (count - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[k]
+        return (np.arange(count, dtype=float) - (count - 1) / 2) * screen.pitch_xy_mm[k] + screen.centre_offset_mm[k]

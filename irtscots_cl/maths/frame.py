@@ -22,12 +22,19 @@ class Frame:
     axes: FloatArray
 
     @classmethod
-    def looking(cls, position_mm: ArrayLike, look_at_mm: ArrayLike) -> Frame:
-        """Frame of a device at position_mm [3] that looks at look_at_mm [3], not along the world's Y axis."""
+    def looking(cls, position_mm: ArrayLike, look_at_mm: ArrayLike, turn_rad: float = 0.0) -> Frame:
+        """Frame of a device at position_mm [3] that looks at look_at_mm [3], not along the world's Y axis.
+
+        turn_rad: turns x and y about z, from x towards y.
+        """
         position = np.asarray(position_mm, float)
         z = _unit(position - np.asarray(look_at_mm, float))
         x = _unit(np.cross([0.0, 1.0, 0.0], z))
-        return cls(position, np.stack([x, np.cross(z, x), z]))
+        y = np.cross(z, x)
+        if turn_rad != 0.0:
+            cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
+            x, y = cosine * x + sine * y, cosine * y - sine * x
+        return cls(position, np.stack([x, y, z]))
 
     def to_world(self, u_mm: ArrayLike, v_mm: ArrayLike) -> FloatArray:
         """World coordinates [..., 3] of the points (u, v, 0) of the frame."""

@@ -76,7 +76,7 @@ def slope_derivatives(result: Reconstruction) -> tuple[tuple[FloatArray, FloatAr
     camera, u, v = chief.camera_frame.position_mm, result.centroid_x_mm, result.centroid_y_mm
 
     def slopes(du: float, dv: float) -> tuple[FloatArray, FloatArray]:
-        return half_vector_slopes(points, chief.screen_frame.to_world(u + du, v + dv), camera)
+        return half_vector_slopes(points, chief.screen_model.seen_from(points, u + du, v + dv), camera)
 
     x, y = slopes(0.0, 0.0)
     along_u, along_v = slopes(STEP_MM, 0.0), slopes(0.0, STEP_MM)

@@ -30,7 +30,8 @@ def sampling_error(
     It is sampled by lines at positions_mm [lines], and by more lines beyond them if it extends past them.
     threshold: see effective_screen_pixels.
     """
-    pitch = np.diff(positions_mm).mean() if len(positions_mm) > 1 else light.chief.scene.screen.pitch_mm
+    screen = light.chief.scene.screen
+    pitch = np.diff(positions_mm).mean() if len(positions_mm) > 1 else screen.pitch_xy_mm["uv".index(output)]
     moved = np.where(light.valid(), centre_mm - light.means(output)[0], np.nan)
     reach = light.extent(output)[1][np.isfinite(moved)]
     if reach.size == 0:

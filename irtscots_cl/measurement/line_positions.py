@@ -33,7 +33,7 @@ def check_line_positions(scan: Scan, scene: Scene) -> None:
 def line_position_problem(scan: Scan, scene: Scene) -> str:
     """What is wrong with a scan's line positions, in one line; "" if they are the screen's."""
     found, lines = scan.positions_mm, LineScan(scene).positions_mm(scan.axis)
-    pitch = scene.screen.pitch_mm
+    pitch = scene.screen.pitch_xy_mm["xy".index(scan.axis)]
     if _fits(found, lines, pitch):
         return ""
     cause = next((name for name, corrected in _corrections(found, lines) if _fits(corrected, lines, pitch)), "")

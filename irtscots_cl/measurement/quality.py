@@ -71,7 +71,8 @@ def check_images(stack: ImageStack, setup: Setup, estimates: tuple[ScanEstimate,
 
 def _lines(estimate: ScanEstimate, setup: Setup) -> Check:
     """Positions in the file against the scene's screen; line_positions.py refuses those that are another line's."""
-    axis, pitch = estimate.scan.axis, setup.scene.screen.pitch_mm
+    axis = estimate.scan.axis
+    pitch = setup.scene.screen.pitch_xy_mm["xy".index(axis)]
     off = estimate.scan.positions_mm - LineScan(setup.scene).positions_mm(axis)
     value = float(np.abs(off).max()) / pitch
     if value <= LINE_POSITION:

@@ -286,7 +286,7 @@ def triangulated(
 ) -> tuple[FloatArray, FloatArray]:
     """Slopes [..., rows, columns] of the mirror at (x, y, z) that send the camera's chief rays to (u, v)."""
     points = np.stack(np.broadcast_arrays(x_mm, y_mm, z_mm), -1)
-    screen = chief.screen_frame.to_world(u_mm, v_mm)
+    screen = chief.screen_model.seen_from(points, u_mm, v_mm)
     return half_vector_slopes(points, screen, chief.camera_frame.position_mm)
 
 

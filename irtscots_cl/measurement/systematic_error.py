@@ -205,7 +205,9 @@ def noise_free_stack(light: PixelLight, stack: ImageStack) -> ImageStack:
 
 def _noise_free(light: PixelLight, scan: Scan) -> Scan:
     _, index, ours = np.intersect1d(scan.pixels, light.pixels, assume_unique=True, return_indices=True)
-    pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else light.chief.scene.screen.pitch_mm
+    screen = light.chief.scene.screen
+    own = screen.pitch_xy_mm["xy".index(scan.axis)]
+    pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else own
     first, window = scan.first_line[index], scan.flux_w.shape[-1]
     edges = scan.positions_mm[0] + pitch * (first[:, None] + np.arange(window + 1) - 0.5)
     flux = np.zeros((len(light.pixels), window))

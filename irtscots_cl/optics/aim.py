@@ -13,6 +13,7 @@ import numpy as np
 
 from irtscots_cl.maths.frame import Frame
 from irtscots_cl.optics.chief_rays import RIM, ChiefRays
+from irtscots_cl.scene.instrument import Screen
 
 RIM_POINTS = 32  # of the mirror, to fit its ellipse
 MARGIN = 1e-4  # of the mirror's ellipse, because the rim between the rim points is not an exact ellipse
@@ -50,20 +51,21 @@ class Aim:
 def find_mirror_aim(chief: ChiefRays) -> Aim:
     """The smallest ellipses that cover the mirror from every point of the screen pixel."""
     scene = chief.scene
-    frame, surface, pitch = chief.screen_frame, chief.surface, scene.screen.pitch_mm
+    frame, surface, half_pixel = chief.screen_frame, chief.surface, half_diagonal(scene.screen)
     x, y = pixel_centres(chief)
     angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
     rim_x, rim_y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
     rim = np.stack([rim_x, rim_y, surface.sag(rim_x, rim_y)], -1)
     every = np.array_split(np.arange(len(x)), len(x) // 4096 + 1)
-    parts = [covering_ellipses(frame, rim, x[k], y[k], pitch) for k in every]
+    parts = [covering_ellipses(frame, rim, x[k], y[k], half_pixel) for k in every]
     return Aim(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)), 1.0)
 
 
-def covering_ellipses(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch: float):
+def covering_ellipses(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, half_pixel: float):
     """Ellipses that cover the points of a rim [k, 3] from screen pixels at (x, y) [n]: centres [n, 2], roots [n, 2, 2].
 
-    frame, pitch: of the screen. A rim that is seen nearly edge-on gets a wider ellipse.
+    frame: of the screen. half_pixel: half of its pixels' diagonal in mm. A rim that is seen nearly edge-on gets a wider
+    ellipse.
     """
     rays = rim - frame.to_world(x, y)[:, None, :]
     distance = np.linalg.norm(rays, axis=-1, keepdims=True)
@@ -75,7 +77,13 @@ def covering_ellipses(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarra
     flat = np.trace(shape, axis1=1, axis2=2)[:, None, None] * FLATTEST
     root = np.linalg.cholesky(shape + (np.linalg.det(shape)[:, None, None] < flat**2) * flat * np.eye(2))
     reach = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
-    return centre, _widened(root * (reach * (1 + MARGIN))[:, None, None], pitch * np.sqrt(0.5) / distance.min((1, 2)))
+    return centre, _widened(root * (reach * (1 + MARGIN))[:, None, None], half_pixel / distance.min((1, 2)))
+
+
+def half_diagonal(screen: Screen) -> float:
+    """Half of the diagonal of a screen's pixels in mm."""
+    x, y = screen.pitch_xy_mm
+    return float(x * np.sqrt(0.5) if x == y else np.hypot(x, y) / 2)
 
 
 def find_camera_aim(chief: ChiefRays, whole: Aim) -> Aim:
@@ -121,9 +129,11 @@ def _around_footprints(chief: ChiefRays, whole: Aim, slack: float) -> Aim:
 def _footprint_directions(chief: ChiefRays, whole: Aim, slack: float):
     """Screen pixels [k] and directions [k, 2], from the centre of `whole`, to corners of the footprints they light."""
     columns, rows = chief.scene.screen.pixels
-    corner, sees, pitch = chief.corners[0], chief.sees_mirror, chief.scene.screen.pitch_mm
+    corner, sees, screen = chief.corners[0], chief.sees_mirror, chief.scene.screen
+    pitch = np.array(screen.pitch_xy_mm)
     four = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]], 2)[sees]
-    centre, to_aperture, reach = (values[sees] for values in _landing(chief, pitch * (np.sqrt(0.5) + slack)))
+    margin_mm = half_diagonal(screen) + slack * pitch.max()
+    centre, to_aperture, reach = (values[sees] for values in _landing(chief, margin_mm))
     known = np.isfinite(reach) & np.isfinite(four).all((1, 2))
     four, centre, to_aperture, reach = four[known], centre[known], to_aperture[known], reach[known]
     lowest, highest = (edge[sees][known] for edge in chief.landing_range())
@@ -169,8 +179,8 @@ def _blur(chief: ChiefRays) -> float:
     mirror, screen = chief.rims[0][chief.sees_mirror], chief.scene.screen
     blur = np.nanmax(np.linalg.norm(mirror - np.nanmean(mirror, -2, keepdims=True), axis=-1), initial=0.0)
     distance = np.nanmin(np.linalg.norm(mirror - np.array(screen.position_mm), axis=-1))
-    reach = np.linalg.norm(np.array(screen.pixels)) / 2 * screen.pitch_mm + np.linalg.norm(screen.centre_offset_mm)
-    return float((screen.pitch_mm * np.sqrt(0.5) + blur) / max(distance - reach, distance / 2))
+    reach = np.linalg.norm(np.array(screen.pixels) * screen.pitch_xy_mm) / 2 + np.linalg.norm(screen.centre_offset_mm)
+    return float((half_diagonal(screen) + blur) / max(distance - reach, distance / 2))
 
 
 def _directions_from_camera(chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
@@ -184,8 +194,8 @@ def _directions_from_camera(chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
     points, u, v = chief.reverse(row, column, radius * np.cos(angle), radius * np.sin(angle))
     screen, frame = chief.scene.screen, chief.screen_frame
     with np.errstate(invalid="ignore"):
-        at = [np.floor((w - offset) / screen.pitch_mm + count / 2)
-              for w, offset, count in zip((u, v), screen.centre_offset_mm, screen.pixels, strict=True)]  # fmt: skip
+        at = [np.floor((w - offset) / pitch + count / 2) for w, offset, pitch, count in
+              zip((u, v), screen.centre_offset_mm, screen.pitch_xy_mm, screen.pixels, strict=True)]  # fmt: skip
         use = chief.surface.contains(points[:, 0], points[:, 1], 0.0)
         use &= (at[0] >= 0) & (at[0] < screen.pixels[0]) & (at[1] >= 0) & (at[1] < screen.pixels[1])
     rays = points[use] - frame.to_world(u[use], v[use])
@@ -198,8 +208,8 @@ def pixel_centres(chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
     screen = chief.scene.screen
     columns, rows = screen.pixels
     row, column = np.divmod(np.arange(rows * columns), columns)
-    x = (column - (columns - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[0]
-    y = (row - (rows - 1) / 2) * screen.pitch_mm + screen.centre_offset_mm[1]
+    x = (column - (columns - 1) / 2) * screen.pitch_xy_mm[0] + screen.centre_offset_mm[0]
+    y = (row - (rows - 1) / 2) * screen.pitch_xy_mm[1] + screen.centre_offset_mm[1]
     return x, y
 
 

@@ -12,6 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from irtscots_cl.maths.frame import Frame, turned
+from irtscots_cl.optics.camera_model import CameraModel, camera_frame
+from irtscots_cl.optics.screen_model import ScreenModel
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
@@ -52,12 +54,20 @@ class ChiefRays:
         return Surface.of(self.scene.mirror)
 
     @cached_property
+    def screen_model(self) -> ScreenModel:
+        return ScreenModel.of(self.scene.screen)
+
+    @property
     def screen_frame(self) -> Frame:
-        return Frame.looking(self.scene.screen.position_mm, self.scene.screen.look_at_mm)
+        return self.screen_model.frame
+
+    @cached_property
+    def camera_model(self) -> CameraModel:
+        return CameraModel.of(self.scene.camera)
 
     @cached_property
     def camera_frame(self) -> Frame:
-        return Frame.looking(self.scene.camera.position_mm, self.scene.camera.look_at_mm)
+        return camera_frame(self.scene.camera)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -65,22 +75,16 @@ class ChiefRays:
         columns, rows = self.scene.camera.detector.pixels
         return rows, columns
 
-    def image_point(self, row, column) -> tuple[np.ndarray, np.ndarray]:
-        """Upright image coordinates (x, y) [mm] of fractional pixel indices; whole numbers are pixel centres."""
-        pitch = self.scene.camera.detector.pitch_mm
-        rows, columns = self.shape
-        return (np.asarray(column) - (columns - 1) / 2) * pitch, (np.asarray(row) - (rows - 1) / 2) * pitch
-
     def reverse(self, row, column, a_mm=0.0, b_mm=0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Trace from image points backwards through aperture point (a, b).
 
         Returns the mirror points [..., 3] (NaN where a ray misses the surface, also where the surface is only behind
         the camera; the rim is ignored) and the
-        crossings (u, v) of the screen's plane in the screen's frame [mm].
+        places (u, v) on the screen's grid of pixels [mm], which for a flat screen is its frame's plane.
         """
         interruption.check()
         camera, frame = self.scene.camera, self.camera_frame
-        image_x, image_y = self.image_point(row, column)
+        image_x, image_y = self.camera_model.image_point(row, column)
         slope_a = a_mm / camera.focus_mm - image_x / camera.image_distance_mm
         slope_b = b_mm / camera.focus_mm - image_y / camera.image_distance_mm
         slopes = np.stack(np.broadcast_arrays(slope_a, slope_b, 1.0), -1)
@@ -90,7 +94,7 @@ class ChiefRays:
         interruption.check()
         behind = (points[..., 2] - start[..., 2]) * directions[..., 2] < 0  # where the line meets it backwards
         points[behind] = np.nan
-        return points, *self.screen_frame.arrive(points, outgoing)
+        return points, *self.screen_model.arrive(points, outgoing)
 
     @cached_property
     def corners(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -157,13 +161,12 @@ class ChiefRays:
         _, corner_u, corner_v = self.corners
         _, rim_u, rim_v = self.rims
         lowest, highest = [], []
-        for corner, rim, offset, count in zip(
-            (corner_u, corner_v), (rim_u, rim_v), screen.centre_offset_mm, screen.pixels, strict=True
-        ):
+        grid = zip(screen.centre_offset_mm, screen.pitch_xy_mm, screen.pixels, strict=True)
+        for corner, rim, (offset, pitch, count) in zip((corner_u, corner_v), (rim_u, rim_v), grid, strict=True):
             four = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]])
             reach = (rim.max(-1) - rim.min(-1)) / 2 * 1.1  # eight rim points reach at least 0.92 of the true extreme
             for edge, out in ((np.fmin.reduce(four) - reach, lowest), (np.fmax.reduce(four) + reach, highest)):
-                out.append((edge - offset) / screen.pitch_mm + (count - 1) / 2)
+                out.append((edge - offset) / pitch + (count - 1) / 2)
         return np.stack(lowest, -1), np.stack(highest, -1)
 
     def light_shape(self, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -208,7 +211,7 @@ def check_visible(chief: ChiefRays, source: str) -> None:
                 f"{source}: screen.position_mm = {list(scene.screen.position_mm)}: no ray from the detector by way of "
                 "the mirror reaches the screen's plane; must lie where the mirror sends the camera's rays"
             )
-        offset = (np.nanmean((lowest + highest) / 2, axis=0) - (size - 1) / 2) * scene.screen.pitch_mm
+        offset = (np.nanmean((lowest + highest) / 2, axis=0) - (size - 1) / 2) * scene.screen.pitch_xy_mm
         raise SceneError(
             f"{source}: screen.position_mm = {list(scene.screen.position_mm)}: no detector pixel sees the "
             f"screen in the mirror; the pixel grid must reach the light, which lands about "

@@ -47,13 +47,12 @@ class PixelMap:
 
     def _pixel(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray]:
         """Fractional row and column of the pixel whose chief ray meets the design at a point."""
-        camera, frame = self.design.scene.camera, self.design.camera_frame
+        camera, frame = self.design.camera_model, self.design.camera_frame
         points = np.stack([x_mm, y_mm, self.design.surface.sag(x_mm, y_mm)], -1)
         along = (points - frame.position_mm) @ frame.axes.T
-        pitch, (rows, columns) = camera.detector.pitch_mm, self.design.shape
         with np.errstate(invalid="ignore", divide="ignore"):
-            scale = -camera.image_distance_mm / along[..., 2] / pitch
-        return along[..., 1] * scale + (rows - 1) / 2, along[..., 0] * scale + (columns - 1) / 2
+            scale = -camera.image_distance_mm / along[..., 2]
+            return camera.pixel(along[..., 0] * scale, along[..., 1] * scale)
 
     def _at(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
         place = np.nan_to_num(np.stack([row, column]))

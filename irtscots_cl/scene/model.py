@@ -26,6 +26,8 @@ from irtscots_cl.scene.validation import SceneName, checked, nearest, problem, r
 
 VIEW_RINGS, VIEW_ANGLES = 4, 32  # of the mirror, where it is looked for in a device's view
 MAX_ELEMENTS = 16  # besides the scene's own: all events of an element fit six bits of a path
+# Tables that few scenes have, of the screen, the camera and its detector.
+OPTIONAL_TABLES = (("response", "shape", "cover_glass", "lines"), ("intrinsics",), ("noise",))
 ZERNIKE_KEYS = {"noll_um": "noll", "fringe_um": "fringe", "osa_um": "osa"}
 
 
@@ -75,8 +77,8 @@ class Scene:
         if isinstance(data, dict) and isinstance(data.get("element"), list):
             elements = [_with_scatter(entry, source, ("element", k)) for k, entry in enumerate(data["element"])]
             data = {**data, "element": elements}
-        if isinstance(data, dict) and _has_noise_tables(data):
-            from irtscots_cl.scene.noise_tables import checked_tables  # imported late: few scenes have any
+        if isinstance(data, dict) and _has_optional_tables(data):
+            from irtscots_cl.scene.optional_tables import checked_tables  # imported late: few scenes have any
 
             data = checked_tables(data, source)
         scene: Scene = _validated(cls, data, source)
@@ -117,11 +119,14 @@ def _sees_mirror(device: Screen | Camera, mirror: Mirror) -> bool:
     return False
 
 
-def _has_noise_tables(data: dict[str, Any]) -> bool:
-    """Whether the data of a file have a table [camera.detector.noise] or [screen.response]."""
+def _has_optional_tables(data: dict[str, Any]) -> bool:
+    """Whether the data of a file have a table of optional_tables.KINDS."""
     screen, camera = data.get("screen"), data.get("camera")
     detector = camera.get("detector") if isinstance(camera, dict) else None
-    return (isinstance(screen, dict) and "response" in screen) or (isinstance(detector, dict) and "noise" in detector)
+    return any(
+        isinstance(table, dict) and any(key in table for key in keys)
+        for table, keys in zip((screen, camera, detector), OPTIONAL_TABLES, strict=True)
+    )
 
 
 # --- the TOML form ------------------------------------------------------------------------------------------

@@ -62,7 +62,7 @@ def with_noise_file(scene: Scene, path: str | os.PathLike[str]) -> Scene:
     A table of the file takes the place of the scene's own; one that the file lacks stays as it is in the scene. Raises
     SceneError for an unreadable file, one with neither table, or an invalid value.
     """
-    from irtscots_cl.scene.noise_tables import noise_from_file  # imported late: few runs need it
+    from irtscots_cl.scene.optional_tables import noise_from_file  # imported late: few runs need it
 
     source = os.fsdecode(path)
     noise, response = noise_from_file(_parse(_read(source), source), source)

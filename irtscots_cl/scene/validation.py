@@ -66,6 +66,9 @@ _NAME_TEXT = "1 to 64 characters of A-Z a-z 0-9 . _ - without a leading dot"
 _POSITIVE = bounded(gt=0, le=MAX_LENGTH_MM)
 PositiveMm = Annotated[float, Strict(), _POSITIVE]
 OptionalMm = Annotated[PositiveMm | None, Field(description=_POSITIVE.description)]
+_PITCH = "a finite number above 0 and at most 1e+12, or an array [x, y] of two of them"
+PitchMm = Annotated[PositiveMm | tuple[PositiveMm, PositiveMm], WrapValidator(_whole), Field(description=_PITCH)]
+Degrees = Annotated[float, Strict(), bounded(ge=-360, le=360)]
 NonNegativeMm = Annotated[float, Strict(), bounded(ge=0, le=MAX_LENGTH_MM)]
 PointMm = Annotated[
     tuple[_Coordinate, _Coordinate, _Coordinate],

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from irtscots_cl.maths.frame import Frame
 from irtscots_cl.maths.zernike.indices import index_to_nm
+from irtscots_cl.optics.screen_model import screen_frame
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.stability.checks import Bench, Case, Finding, Limit, count, finding
@@ -103,7 +103,7 @@ def _turned(bench: Bench) -> list[Finding]:
     found = []
     for case, given in ((scene, lines), (turned, around)):
         landing = MeetProbe(bench.device, case, bench.precision)(given).landing.astype(float)
-        found.append(Frame.looking(case.screen.position_mm, case.screen.look_at_mm).to_world(*landing))
+        found.append(screen_frame(case.screen).to_world(*landing))
     back = np.stack([found[1][:, 1], -found[1][:, 0], found[1][:, 2]], -1)
     apart = np.linalg.norm(back - found[0], axis=1) / scene.screen.pitch_mm
     limit = LANDING[bench.precision]

@@ -43,9 +43,7 @@ def test_the_truth_has_no_error(scene, result):
 
 
 def test_slope_errors_are_in_microradians_and_by_axis(scene, result):
-    found = compare(
-        dataclasses.replace(result, slope_x=result.slope_x + 2e-6, slope_y=result.slope_y - 3e-7), scene
-    )
+    found = compare(dataclasses.replace(result, slope_x=result.slope_x + 2e-6, slope_y=result.slope_y - 3e-7), scene)
     assert found.slope_error_urad["x"].value == pytest.approx(2.0, rel=ROUNDING)
     assert found.slope_error_urad["y"].value == pytest.approx(0.3, rel=ROUNDING)
 
@@ -162,7 +160,4 @@ def test_a_comparison_prints_its_main_numbers_with_units(scene, result):
     text = str(compare(dataclasses.replace(result, slope_x=result.slope_x + 2e-6), scene))
     assert "slope error x [urad rms]  2\n" in text
     assert "[nm rms]" in text and "piston, tilt, power" in text
-    assert (
-        len([line for line in text.splitlines() if line.strip()[:2] in ("6 ", "8 ", "9 ", "11", "29", "38")])
-        == 6
-    )
+    assert len([line for line in text.splitlines() if line.strip()[:2] in ("6 ", "8 ", "9 ", "11", "29", "38")]) == 6

@@ -29,14 +29,17 @@ def ours(device):
     return trace(load_scene("sphere"), device=device, estimator="forward", rays_per_pixel=16 * RAYS, replicates=1)
 
 
-@pytest.mark.parametrize("name, package", [
-    ("NumPy float64", "numpy"),
-    pytest.param("Numba float32", "numba", marks=pytest.mark.slow),  # compiles for 10 s
-    pytest.param("Numba float64", "numba", marks=pytest.mark.slow),  # compiles for 10 s
-    ("Dr.Jit LLVM float32", "drjit"),
-    ("Mitsuba 3 ray casting", "mitsuba"),
-    ("batoid, NumPy emission", "batoid"),
-])
+@pytest.mark.parametrize(
+    "name, package",
+    [
+        ("NumPy float64", "numpy"),
+        pytest.param("Numba float32", "numba", marks=pytest.mark.slow),  # compiles for 10 s
+        pytest.param("Numba float64", "numba", marks=pytest.mark.slow),  # compiles for 10 s
+        ("Dr.Jit LLVM float32", "drjit"),
+        ("Mitsuba 3 ray casting", "mitsuba"),
+        ("batoid, NumPy emission", "batoid"),
+    ],
+)
 def test_peer_does_the_same_work(tool, ours, name, package):
     pytest.importorskip(package)
     module, function, _ = tool.PEERS[name]
@@ -74,12 +77,16 @@ def test_other_work_is_found_out(tool, spoil, said):
 
 def test_peers_without_a_row_get_a_line(tool, ours, monkeypatch, capsys):
     monkeypatch.setattr(tool, "CHECKED_RAYS", 64)
-    monkeypatch.setattr(tool, "PEERS", {
-        "good": ("numpy_peer", "peer", 64),
-        "missing": ("no_such_peer", "peer", 64),
-        "broken": ("made_peers", "broken", 64),
-        "other": ("made_peers", "other", 64),
-    })
+    monkeypatch.setattr(
+        tool,
+        "PEERS",
+        {
+            "good": ("numpy_peer", "peer", 64),
+            "missing": ("no_such_peer", "peer", 64),
+            "broken": ("made_peers", "broken", 64),
+            "other": ("made_peers", "other", 64),
+        },
+    )
     monkeypatch.setitem(sys.modules, "peers.made_peers", MadePeers)
     found = tool.usable_peers(tool.job(), ours)
     lines = capsys.readouterr().out.splitlines()

@@ -776,6 +776,8 @@ def test_noise_that_does_not_work_is_refused(irtscots, here):
     ):
         assert_refused(irtscots("run", "sphere", "--noise", file, *options), 2, *parts)
     assert everything_in(here) == ["camera.toml", "empty.toml", "map.toml"]
+
+
 def test_paths_warns_on_one_line_of_height_that_rounding_adds(irtscots, device, here):
     (here / "segment.toml").write_text(large_segment(9).to_toml())
     code, out, err = irtscots("paths", "segment.toml", "--rays-per-pixel", 8, "--device", device.index, "--quiet")

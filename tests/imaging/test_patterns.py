@@ -88,9 +88,7 @@ def test_replicates_weights_and_rays_come_from_the_transport():
     for transport, one in ((forward, 1), (adjoint, WEIGHT_ONE)):
         scan = transport.images(LineScan(some_scene())).x
         np.testing.assert_array_equal(scan.weights, [100.0, 300.0])
-        np.testing.assert_allclose(
-            scan.hits, transport.counts.astype(float).sum((0, 2, 3)) / one, rtol=ROUNDING
-        )
+        np.testing.assert_allclose(scan.hits, transport.counts.astype(float).sum((0, 2, 3)) / one, rtol=ROUNDING)
         second = transport.counts[1].astype(float) * transport.unit_w / 300
         np.testing.assert_allclose(scan.flux_w[1], second.sum(1), rtol=ROUNDING)
 
@@ -102,9 +100,7 @@ def test_lines_stand_at_the_centres_of_the_screen_s_columns_and_rows():
         "y": np.array([-0.6, -0.3, 0, 0.3, 0.6]) - 1.1,
     }
     for axis, places in expected.items():
-        np.testing.assert_allclose(
-            pattern.positions_mm(axis), places, atol=1e-15
-        )  # rounding of numbers near 1
+        np.testing.assert_allclose(pattern.positions_mm(axis), places, atol=1e-15)  # rounding of numbers near 1
 
 
 def test_the_images_are_linear_in_the_brightness():
@@ -145,7 +141,5 @@ def test_a_brightness_that_no_screen_can_have_is_refused(brightness, message):
 
 
 def test_a_pattern_of_another_screen_is_refused():
-    with pytest.raises(
-        ValueError, match=r"the pattern's screen has \(21, 21\) pixels, the transport's \(7, 5\)"
-    ):
+    with pytest.raises(ValueError, match=r"the pattern's screen has \(21, 21\) pixels, the transport's \(7, 5\)"):
         some_transport().images(LineScan(load_scene("sphere")))

@@ -116,6 +116,4 @@ def test_off_axis_radii_are_the_closed_ones():
 def test_a_line_beside_the_surface_misses_it():
     sphere = Quadric.conic(100.0)
     assert np.isnan(sphere.meet(100.001, 0.0, 0.0, 0.0)) and np.isfinite(sphere.meet(99.999, 0.0, 0.0, 0.0))
-    assert sphere.meet(60.0, 0.0, 0.0, 0.0) == pytest.approx(
-        20.0, abs=1e-13
-    )  # 3-4-5, the root next to the vertex
+    assert sphere.meet(60.0, 0.0, 0.0, 0.0) == pytest.approx(20.0, abs=1e-13)  # 3-4-5, the root next to the vertex

@@ -19,18 +19,14 @@ POSITIONS = np.array([-0.4, -0.2, 0.0, 0.2, 0.4])  # the screen's edges are at -
 
 def flag(curve, centroid_mm, reach_mm, first_line=0, positions=POSITIONS) -> Flag:
     curve = np.array([curve], float)
-    scan = Scan(
-        "x", positions, (1, 1), np.array([0]), np.array([first_line]), curve[None], np.ones(1), np.ones(1)
-    )
+    scan = Scan("x", positions, (1, 1), np.array([0]), np.array([first_line]), curve[None], np.ones(1), np.ones(1))
     return Flag(flag_curves(scan, curve, np.array([centroid_mm]), np.array([reach_mm]))[0])
 
 
 def test_samples_above_the_threshold_count():
     curves = np.array([[0.0, 1e-30, 5.0, 10.0], [0.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 2.0, 1.0]])
     np.testing.assert_array_equal(effective_screen_pixels(curves), [[0, 1, 1, 1], [0, 0, 0, 0], [0, 0, 1, 1]])
-    np.testing.assert_array_equal(
-        effective_screen_pixels(curves, 0.5), [[0, 0, 0, 1], [0, 0, 0, 0], [0, 0, 1, 0]]
-    )
+    np.testing.assert_array_equal(effective_screen_pixels(curves, 0.5), [[0, 0, 0, 1], [0, 0, 0, 0], [0, 0, 1, 0]])
     assert effective_screen_pixels(np.zeros((3, 2, 0))).shape == (3, 2, 0)
 
 

@@ -24,9 +24,7 @@ def test_both_parts_add_as_squares():
 
 
 def with_hits(stack: ImageStack, hits: float) -> ImageStack:
-    return ImageStack(
-        *(dataclasses.replace(s, hits=np.full(len(s.pixels), hits)) for s in (stack.x, stack.y))
-    )
+    return ImageStack(*(dataclasses.replace(s, hits=np.full(len(s.pixels), hits)) for s in (stack.x, stack.y)))
 
 
 def test_the_noise_of_counting_goes_with_the_root_of_the_hits():
@@ -50,14 +48,9 @@ def test_the_noise_of_slopes_becomes_the_noise_of_heights_that_random_maps_have(
     stack = with_hits(noise_free_stack(scene), 1e4)
     result = reconstruct(stack, scene)
     predicted = predict_error(result, stack)
-    slopes = (
-        np.random.default_rng(8).standard_normal((2, 400, *result.mask.shape)) * predicted.ray_noise_slope[0]
-    )
+    slopes = np.random.default_rng(8).standard_normal((2, 400, *result.mask.shape)) * predicted.ray_noise_slope[0]
     heights = integrate_slopes(result.x_mm, result.y_mm, *slopes, result.mask)
-    left = [
-        rms(remove_terms(result.x_mm, result.y_mm, h, result.mask, "piston_tilt"), result.mask)
-        for h in heights
-    ]
+    left = [rms(remove_terms(result.x_mm, result.y_mm, h, result.mask, "piston_tilt"), result.mask) for h in heights]
     spread = np.std(left) / np.mean(left)  # of one map; the prediction is from 32
     assert predicted.ray_noise_height_mm == pytest.approx(
         np.sqrt(np.mean(np.square(left))),

@@ -29,17 +29,12 @@ def deviated():
 
 def slope_errors(result, scene):
     truth = Surface.of(scene.mirror).gradient(result.x_mm, result.y_mm)
-    return [
-        rms(found - true, result.mask)
-        for found, true in zip((result.slope_x, result.slope_y), truth, strict=True)
-    ]
+    return [rms(found - true, result.mask) for found, true in zip((result.slope_x, result.slope_y), truth, strict=True)]
 
 
 def height_error(result, scene, terms="piston_tilt"):
     truth = Surface.of(scene.mirror).deviation_at(result.x_mm, result.y_mm)[0]
-    return rms(
-        remove_terms(result.x_mm, result.y_mm, result.deviation_mm - truth, result.mask, terms), result.mask
-    )
+    return rms(remove_terms(result.x_mm, result.y_mm, result.deviation_mm - truth, result.mask, terms), result.mask)
 
 
 def refused(result):
@@ -50,9 +45,7 @@ def refused(result):
 def changed(stack, change_x, change_y=None):
     """The stack with change_x(flux) and change_y(flux) in place of its flux."""
     scans = (stack.x, change_x), (stack.y, change_y or change_x)
-    return ImageStack(
-        *(dataclasses.replace(scan, flux_w=change(scan.flux_w.copy())) for scan, change in scans)
-    )
+    return ImageStack(*(dataclasses.replace(scan, flux_w=change(scan.flux_w.copy())) for scan, change in scans))
 
 
 def test_an_ideal_sphere_is_found_ideal():
@@ -91,9 +84,7 @@ def test_the_result_hangs_together(deviated):
         "deviation_mm",
     ):
         np.testing.assert_array_equal(np.isfinite(getattr(result, name)), result.mask, err_msg=name)
-    np.testing.assert_array_equal(
-        result.height_mm, design.sag(result.x_mm, result.y_mm) + result.deviation_mm
-    )
+    np.testing.assert_array_equal(result.height_mm, design.sag(result.x_mm, result.y_mm) + result.deviation_mm)
     assert abs(np.nanmean(result.deviation_mm)) < 1e-6 * NM  # rounding of heights near 1 um
     assert result.jackknife_slope_x.shape == (0, 41, 41)
     assert np.isnan(result.height_standard_error_mm()).all()
@@ -285,9 +276,7 @@ def test_the_jackknife_s_height_error_is_the_scatter_of_repeated_measurements(de
         actual.append(rms(error, result.mask) ** 2)
         stated.append(rms(noisy.height_standard_error_mm(), result.mask) ** 2)
     # one run's rms scatters by 8 %, the stated one by 4 %: 4 sigma of the ratio of six, chance 6e-5
-    assert np.sqrt(np.mean(stated) / np.mean(actual)) == pytest.approx(
-        1, abs=4 * np.hypot(0.08, 0.04) / np.sqrt(6)
-    )
+    assert np.sqrt(np.mean(stated) / np.mean(actual)) == pytest.approx(1, abs=4 * np.hypot(0.08, 0.04) / np.sqrt(6))
 
 
 def test_replicates_of_one_measurement_have_its_result(deviated):

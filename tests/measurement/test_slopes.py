@@ -98,9 +98,7 @@ def polynomial(coefficients, x, y):
     value, mean = np.zeros_like(x), np.zeros_like(x)
     for (i, k), c in coefficients.items():
         value += c * x**i * y**k
-        of_x, of_y = (
-            ((v + 0.5) ** (n + 1) - (v - 0.5) ** (n + 1)) / (n + 1) for v, n in ((x, i), (y, k))
-        )
+        of_x, of_y = (((v + 0.5) ** (n + 1) - (v - 0.5) ** (n + 1)) / (n + 1) for v, n in ((x, i), (y, k)))
         mean += c * of_x * of_y
     return value, mean
 

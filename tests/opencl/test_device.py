@@ -71,9 +71,7 @@ def test_choice(found, choice, index):
     assert select_device(choice).index == index
 
 
-@pytest.mark.parametrize(
-    "choice", ["0:1", "0", "nothing like it", "", " ", "huge", "1:2", "other-endian", ":"]
-)
+@pytest.mark.parametrize("choice", ["0:1", "0", "nothing like it", "", " ", "huge", "1:2", "other-endian", ":"])
 def test_refused_choices_list_what_was_found(found, choice):
     with pytest.raises(DeviceError) as caught:
         select_device(choice)

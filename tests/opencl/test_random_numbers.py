@@ -59,9 +59,7 @@ def test_known_answers_on_the_device(device, tmp_path, width, counter, key, outp
     np.testing.assert_array_equal(out, np.tile(words_of(output), (kernel.words, 1)))
 
 
-@pytest.mark.parametrize(
-    "first", [0, 3, 2**32 - 5, 2**32 - 16, 2**32, 7 * 2**32 - 3, 2**40 + 12_345, 2**64 - 64]
-)
+@pytest.mark.parametrize("first", [0, 3, 2**32 - 5, 2**32 - 16, 2**32, 7 * 2**32 - 3, 2**40 + 12_345, 2**64 - 64])
 def test_device_words_equal_the_twins(draw, first):
     rays = np.arange(64, dtype=np.uint64) + np.uint64(first)
     for seed, source, replicate in [(1, 0, 0), (SEEDS[3], 77, 5), (2**64 - 1, 2**32 - 1, 1023)]:
@@ -89,9 +87,7 @@ def test_no_block_repeats_over_streams_replicates_seeds_and_rays(draw):
 
 def test_words_are_uniform_bit_by_bit_and_in_bins(draw):
     words = draw(3, 0, 0, 0, 2**18)
-    ones = np.array(
-        [[np.count_nonzero(words[:, i] >> np.uint32(bit) & 1) for bit in range(32)] for i in range(4)]
-    )
+    ones = np.array([[np.count_nonzero(words[:, i] >> np.uint32(bit) & 1) for bit in range(32)] for i in range(4)])
     z = (ones - 2**17) / np.sqrt(2**16)
     assert np.abs(z).max() < 5.8  # 128 bits, Sidak: failure chance 1e-6
     for i in range(4):
@@ -149,9 +145,7 @@ def test_uniform_centred_is_exact_and_keeps_off_the_ends(reals):
     words = np.concatenate([np.column_stack([EDGES, EDGES]), random_words(2**14, 1)])
     result = reals("x = uniform_centred(first)", words)[:, 0].astype(float)
     signed = words[:, 0].astype(np.int64) - 2**32 * (words[:, 0] >= 2**31)
-    odd = (
-        2 * np.floor_divide(signed, 256) + 1
-    )  # the odd multiple of 2^-25 in the word's own interval of 2^-24
+    odd = 2 * np.floor_divide(signed, 256) + 1  # the odd multiple of 2^-25 in the word's own interval of 2^-24
     np.testing.assert_array_equal(result, odd * 2.0**-25)
     assert np.abs(result).min() == 2.0**-25 and np.abs(result).max() == 0.5 - 2.0**-25
 
@@ -165,9 +159,7 @@ def test_uniform_open_is_exact_and_keeps_off_the_ends(reals):
 
 
 def test_unit_disk_is_the_polar_map(reals, precision):
-    words = np.concatenate(
-        [np.array(list(itertools.product(EDGES[:32], EDGES[:32]))), random_words(2**18, 3)]
-    )
+    words = np.concatenate([np.array(list(itertools.product(EDGES[:32], EDGES[:32]))), random_words(2**18, 3)])
     result = reals("unit_disk(first, second, &x, &y)", words).astype(float)
     radius = np.sqrt((2 * (words[:, 0].astype(np.int64) // 512) + 1) * 2.0**-24)
     signed = words[:, 1].astype(np.int64) - 2**32 * (words[:, 1] >= 2**31)

@@ -245,9 +245,7 @@ def test_probe(device):
     facts = probe(device)
     assert facts["fp64"] is device.has_fp64
     assert facts["vector_width_fp32"] in ((4, 8, 16) if device.kind == "cpu" else (1,))
-    assert (
-        0.1 < facts["memory_gib"] < 1e4 and facts["local_memory_kib"] >= 16
-    )  # OpenCL's least: 32 KiB, embedded 1
+    assert 0.1 < facts["memory_gib"] < 1e4 and facts["local_memory_kib"] >= 16  # OpenCL's least: 32 KiB, embedded 1
     assert 0 < facts["largest_buffer_gib"] <= facts["memory_gib"]
     assert facts["sqrt_correctly_rounded"] is (facts["sqrt_error_ulp"] <= 0.5)
     assert facts["division_correctly_rounded"] is (facts["division_error_ulp"] <= 0.5)

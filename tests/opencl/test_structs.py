@@ -122,9 +122,7 @@ def test_declarations_are_plain_text():
     inner = np.dtype([("a", np.float32), ("n", np.int32, 2)], align=True)
     outer = np.dtype([("first", inner), ("many", inner, 3), ("x", np.float64)], align=True)
     fates, first, second = c_declarations({"Inner": inner, "Outer": outer}).splitlines()
-    assert (
-        fates.startswith("enum { FATE_DETECTED = 0, FATE_MISSED_MIRROR = 1, ") and "FATE_COUNT = 8" in fates
-    )
+    assert fates.startswith("enum { FATE_DETECTED = 0, FATE_MISSED_MIRROR = 1, ") and "FATE_COUNT = 8" in fates
     assert first == "typedef struct { float a; int n[2]; } Inner;"
     assert second == "typedef struct { Inner first; Inner many[3]; double x; } Outer;"
 

@@ -92,9 +92,7 @@ def test_both_aims_bring_the_same_light(device, name):
     """Counts of every bin, given their sum, are binomial with the share of the rays that each aim's pixel spends."""
     scene, rays = scene_of(name), {"off-axis": 4096}.get(name, 2**17)
     whole = trace(scene, device=device, estimator="forward", rays_per_pixel=rays, replicates=1, seed=3)
-    aimed = trace(
-        scene, device=device, estimator="forward", aim="camera", rays_per_pixel=rays, replicates=1, seed=4
-    )
+    aimed = trace(scene, device=device, estimator="forward", aim="camera", rays_per_pixel=rays, replicates=1, seed=4)
     share = setup_of(scene).camera_aim.share
     np.testing.assert_allclose(aimed.unit_w, share * whole.unit_w, rtol=1e-12)  # rounding
     first, second = (run.counts[0].ravel().astype(np.int64) for run in (whole, aimed))

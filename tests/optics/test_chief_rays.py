@@ -48,8 +48,8 @@ def test_the_centre_pixel_looks_at_what_the_camera_looks_at():
     np.testing.assert_allclose(points, [0, 0, 0], rtol=0, atol=1e-12)  # mm: rounding at 4 m
     np.testing.assert_allclose([u, v], [0, 0], rtol=0, atol=1e-9)  # mm: presets' positions are equal but for sign
     _, columns = chief.shape
-    assert chief.image_point(0, columns - 1)[0] == pytest.approx(62 * 0.037, rel=1e-14)  # rounding
-    assert chief.image_point(-0.5, 0)[1] == pytest.approx(-62.5 * 0.037, rel=1e-14)  # rounding
+    assert chief.camera_model.image_point(0, columns - 1)[0] == pytest.approx(62 * 0.037, rel=1e-14)  # rounding
+    assert chief.camera_model.image_point(-0.5, 0)[1] == pytest.approx(-62.5 * 0.037, rel=1e-14)  # rounding
 
 
 def test_the_mirror_behind_the_camera_is_not_seen():

@@ -133,9 +133,7 @@ def test_cut_pixels_have_the_right_moments(radius_mm, tolerance):
     step = (np.arange(800) + 0.5) / 400 - 1
     s, t = (v.ravel() for v in np.meshgrid(step, step))
     for k in range(23):
-        x, y = (
-            footprints.centre[k, i] + s * footprints.step_s[k, i] + t * footprints.step_t[k, i] for i in (0, 1)
-        )
+        x, y = (footprints.centre[k, i] + s * footprints.step_s[k, i] + t * footprints.step_t[k, i] for i in (0, 1))
         on = np.hypot(x, y) <= radius_mm
         mine = cells.pixel == k
         weight, found_s, found_t = cells.weight[mine], cells.s[mine], cells.t[mine]

@@ -110,7 +110,7 @@ class ChordRays:
 def cosine4(chief, row, column, a, b):
     """cos^4 of rays in front of the lens."""
     camera = chief.scene.camera
-    x, y = chief.image_point(row, column)
+    x, y = chief.camera_model.image_point(row, column)
     slopes = a / camera.focus_mm - x / camera.image_distance_mm, b / camera.focus_mm - y / camera.image_distance_mm
     return (1 + slopes[0] ** 2 + slopes[1] ** 2) ** -2
 

@@ -110,9 +110,7 @@ def test_meet_lies_on_the_surface_and_obeys_the_law_of_reflection(name):
 
 def test_meet_says_nan_where_the_surface_is_missed():
     surface = Surface.of(load_scene("sphere").mirror)
-    points, _ = surface.meet(
-        np.array([[0.0, 0.0, 4000.0], [5000.0, 0.0, 4000.0]]), np.array([[0.0, 0.0, -1.0]] * 2)
-    )
+    points, _ = surface.meet(np.array([[0.0, 0.0, 4000.0], [5000.0, 0.0, 4000.0]]), np.array([[0.0, 0.0, -1.0]] * 2))
     assert np.isfinite(points[0]).all() and np.isnan(points[1, 2])
 
 

@@ -55,7 +55,7 @@ def rays(setup: Setup, pixels: np.ndarray, count: int = 40000):
     row, column = (v[:, None] for v in np.divmod(pixels, chief.shape[1]))
     a, b = radius * np.cos(angle), radius * np.sin(angle)
     points, u, v = chief.reverse(row + t - 0.5, column + s - 0.5, a, b)
-    image = chief.image_point(row + t - 0.5, column + s - 0.5)
+    image = chief.camera_model.image_point(row + t - 0.5, column + s - 0.5)
     slopes = [p / camera.focus_mm - q / camera.image_distance_mm for p, q in zip((a, b), image, strict=True)]
     weight = chief.surface.contains(points[..., 0], points[..., 1]) / (1 + slopes[0] ** 2 + slopes[1] ** 2) ** 2
     return np.stack([u, v, points[..., 0], points[..., 1]]), weight

@@ -27,9 +27,7 @@ def device_axes(position_mm, look_at_mm) -> tuple[np.ndarray, np.ndarray, np.nda
     return x, np.cross(z, x), z
 
 
-def plane_crossing(
-    points: np.ndarray, directions: np.ndarray, origin: np.ndarray, normal: np.ndarray
-) -> np.ndarray:
+def plane_crossing(points: np.ndarray, directions: np.ndarray, origin: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Where lines cross the plane through origin: p + d ((o - p) . n) / (d . n)."""
     along = ((origin - points) @ normal) / (directions @ normal)
     return points + along[..., None] * directions
@@ -62,9 +60,7 @@ def zernike_order(index: int, ordering: str) -> tuple[int, int]:
     raise ValueError(f"no term {index} in {ordering}")
 
 
-def zernike_polar(
-    n: int, m: int, rho: np.ndarray, angle: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def zernike_polar(n: int, m: int, rho: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Noll-normalised Zernike term and its derivatives by rho and by angle, from the factorial sum."""
     order = abs(m)
     radial, radial_slope = np.zeros_like(rho), np.zeros_like(rho)
@@ -72,11 +68,7 @@ def zernike_polar(
         factor = (
             (-1) ** s
             * math.factorial(n - s)
-            / (
-                math.factorial(s)
-                * math.factorial((n + order) // 2 - s)
-                * math.factorial((n - order) // 2 - s)
-            )
+            / (math.factorial(s) * math.factorial((n + order) // 2 - s) * math.factorial((n - order) // 2 - s))
         )
         power = n - 2 * s
         radial += factor * rho**power
@@ -105,9 +97,7 @@ class OracleMirror:
         r_safe = np.where(r > 0, r, 1.0)
         for terms in self.mirror.zernike:
             for index, value_um in terms.coefficients_um.items():
-                w, by_rho, by_angle = zernike_polar(
-                    *zernike_order(index, terms.ordering), r / terms.radius_mm, angle
-                )
+                w, by_rho, by_angle = zernike_polar(*zernike_order(index, terms.ordering), r / terms.radius_mm, angle)
                 by_r, around = by_rho / terms.radius_mm, by_angle / r_safe
                 height += value_um * 1e-3 * w
                 slope_x += value_um * 1e-3 * (by_r * np.cos(angle) - around * np.sin(angle))
@@ -192,12 +182,7 @@ def focus_point(camera, image_xy: np.ndarray) -> np.ndarray:
     """World point in the plane in focus whose upright image is at image_xy [..., 2]."""
     x, y, z = device_axes(camera.position_mm, camera.look_at_mm)
     offset = image_xy * focus_distance(camera) / image_distance(camera)
-    return (
-        np.asarray(camera.position_mm)
-        + offset[..., :1] * x
-        + offset[..., 1:] * y
-        - focus_distance(camera) * z
-    )
+    return np.asarray(camera.position_mm) + offset[..., :1] * x + offset[..., 1:] * y - focus_distance(camera) * z
 
 
 def detector_pixel(camera, image_xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -251,9 +236,7 @@ def trace_forward(scene, screen_xy: np.ndarray, cosines_lm: np.ndarray) -> Forwa
     aperture = in_plane(camera, crossing)
     along = outgoing @ cz
     slopes = np.stack([outgoing @ cx / along, outgoing @ cy / along], -1)
-    in_focus = plane_crossing(
-        point, outgoing, np.asarray(camera.position_mm) - focus_distance(camera) * cz, cz
-    )
+    in_focus = plane_crossing(point, outgoing, np.asarray(camera.position_mm) - focus_distance(camera) * cz, cz)
     on_mirror = surface.contains(point)
     through = on_mirror & (along > 0) & (2 * np.hypot(*aperture.T) <= camera.aperture_diameter_mm)
     return ForwardRays(start, point, aperture, slopes, upright_image(camera, in_focus), on_mirror, through)

@@ -70,7 +70,7 @@ def test_a_run_without_noise_imports_nothing_of_it():
     assert "irtscots_cl.imaging.patterns" in loaded
     modules = (
         "imaging.detector imaging.recording imaging.screen_response imaging.maps imaging.streams pipeline.noise "
-        "report.noise_facts scene.detector_noise scene.screen_response scene.noise_tables maths.poisson"
+        "report.noise_facts scene.detector_noise scene.screen_response scene.optional_tables maths.poisson"
     )
     assert not {f"irtscots_cl.{name}" for name in modules.split()} & set(loaded)
 

@@ -23,9 +23,7 @@ from irtscots_cl.tracing.results.transport import LineLight
 @pytest.fixture(scope="module")
 def deviated(device):
     """The deviated sphere with 65,536 rays per detector pixel: a few seconds on two cores."""
-    return simulate(
-        load_scene("sphere-deviated"), device=device, estimator="adjoint", rays_per_pixel=65_536, seed=1
-    )
+    return simulate(load_scene("sphere-deviated"), device=device, estimator="adjoint", rays_per_pixel=65_536, seed=1)
 
 
 def urad(run, axis) -> float:
@@ -76,9 +74,7 @@ def test_the_height_s_standard_error_is_the_predicted_ray_noise(deviated):
 
 def test_the_ledger_closes_and_the_mean_flux_is_the_scene_s(deviated):
     report = deviated.report
-    assert (
-        sum(count for fate, count in report["ledger"].items() if fate != "launched") == report["rays_total"]
-    )
+    assert sum(count for fate, count in report["ledger"].items() if fate != "launched") == report["rays_total"]
     assert report["rays_total"] == 65_536 * len(deviated.transport.windows.pixels)
     centre = sum(deviated.stack.x.image(line)[62, 62] for line in range(21))
     assert centre == pytest.approx(4.168e-6, rel=1e-3)  # W, paper-sized scene; all rays of this pixel arrive
@@ -96,10 +92,7 @@ def test_a_truth_that_is_not_told_changes_nothing(deviated):
 
 def test_the_same_seed_gives_the_same_result_and_another_an_independent_one(device):
     scene = load_scene("sphere")
-    runs = [
-        simulate(scene, device=device, rays_per_pixel=64, replicates=2, seed=seed).result
-        for seed in (3, 3, 4)
-    ]
+    runs = [simulate(scene, device=device, rays_per_pixel=64, replicates=2, seed=seed).result for seed in (3, 3, 4)]
     one, same, other = runs
     np.testing.assert_array_equal(one.deviation_mm, same.deviation_mm)
     np.testing.assert_array_equal(one.jackknife_slope_x, same.jackknife_slope_x)
@@ -109,9 +102,7 @@ def test_the_same_seed_gives_the_same_result_and_another_an_independent_one(devi
 
 def test_the_paper_s_estimator_agrees_with_its_own_prediction(device):
     """156,250 rays per screen pixel, all of them aimed at the mirror."""
-    run = simulate(
-        load_scene("sphere-deviated"), device=device, estimator="forward", rays_per_pixel=156_250, seed=2
-    )
+    run = simulate(load_scene("sphere-deviated"), device=device, estimator="forward", rays_per_pixel=156_250, seed=2)
     predicted = run.report["predicted"]["slope_error_urad_rms"]
     for axis in ("x", "y"):
         assert predicted[axis] == pytest.approx(1.76, rel=0.03)  # 0.2566 mm / sqrt(305 hits) / 8333 mm
@@ -138,9 +129,7 @@ def test_an_argument_out_of_range_is_refused(device):
 
 def test_progress_reaches_the_total(device):
     seen = []
-    simulate(
-        load_scene("sphere"), device=device, rays_per_pixel=64, progress=lambda *numbers: seen.append(numbers)
-    )
+    simulate(load_scene("sphere"), device=device, rays_per_pixel=64, progress=lambda *numbers: seen.append(numbers))
     assert seen[-1][0] == seen[-1][1] == 64 * 10_043 and seen == sorted(seen)
 
 
@@ -209,9 +198,7 @@ def test_without_noise_the_report_says_so(analytic):
 
 def test_its_flux_is_that_of_rays(analytic, deviated):
     for pixel in ((62, 62), (40, 80)):
-        by_rays, closed = (
-            sum(run.stack.x.image(line)[pixel] for line in range(21)) for run in (deviated, analytic)
-        )
+        by_rays, closed = (sum(run.stack.x.image(line)[pixel] for line in range(21)) for run in (deviated, analytic))
         # all rays of these pixels arrive; the curvature of cos^4 over a pixel, (0.037 / 16)^2 / 3, is left out: 1.8e-6
         assert closed == pytest.approx(by_rays, rel=3e-6)
 
@@ -231,9 +218,7 @@ def test_smoothed_rays_are_measured_with_the_error_their_replicates_tell(device)
     assert smooth.report["smoothing"] is True and isinstance(smooth.transport, LineLight)
     assert np.isnan(smooth.stack.x.hits).all()  # no number of independent rays has their noise
     for axis in ("x", "y"):
-        noise, of_rough = (
-            run.report["predicted"]["slope_ray_noise_urad_rms"][axis] for run in (smooth, rough)
-        )
+        noise, of_rough = (run.report["predicted"]["slope_ray_noise_urad_rms"][axis] for run in (smooth, rough))
         assert noise < 0.75 * of_rough  # the aperture's part of the noise goes, that of pixels of 29 mm stays
         free = simulate(scene, estimator="analytic").result
         found = rms(getattr(smooth.result, f"slope_{axis}") - getattr(free, f"slope_{axis}"), free.mask) * 1e6

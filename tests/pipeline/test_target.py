@@ -40,9 +40,7 @@ def test_settings_come_cheapest_first_and_all_keep_the_margin(scene, device):
 
 
 def test_a_tighter_target_takes_more_rays(scene, device):
-    loose, tight = (
-        plan(scene, target, device, measure="refined", precision="fp32")[0] for target in (1.0, 0.1)
-    )
+    loose, tight = (plan(scene, target, device, measure="refined", precision="fp32")[0] for target in (1.0, 0.1))
     assert loose.floor_nm == pytest.approx(tight.floor_nm, rel=1e-6)  # of noise-free images, and the same rounding
     assert tight.rays_per_pixel > 4 * loose.rays_per_pixel  # a tenth of the noise; at best as 1 / rays
 

@@ -74,9 +74,7 @@ def test_the_error_is_drawn_where_the_truth_is_known_in_nm_and_from_zero(run):
 
 def test_every_part_of_the_error_has_a_map_of_its_own(run):
     _, result, _ = run
-    parts = [
-        ErrorTerm(f"part {k}", (0.0, 0.0), float(k), np.where(result.mask, k * 1e-6, np.nan)) for k in range(5)
-    ]
+    parts = [ErrorTerm(f"part {k}", (0.0, 0.0), float(k), np.where(result.mask, k * 1e-6, np.nan)) for k in range(5)]
     figure = parts_figure(result, parts)
     maps = maps_of(figure)
     assert [np.nanmax(np.ma.filled(one.get_array(), np.nan)) for one in maps] == [0.0, 1.0, 2.0, 3.0, 4.0]  # nm

@@ -32,9 +32,7 @@ class Rays:
     oracle: object
 
 
-def _run(
-    device, scene, precision: str, name: str, sources: np.ndarray, chosen: np.ndarray, fields: int, marks: int
-):
+def _run(device, scene, precision: str, name: str, sources: np.ndarray, chosen: np.ndarray, fields: int, marks: int):
     kernel = SmallKernel(device, FOLDER / f"{name}.cl", precision, scene)
     outputs = [
         np.zeros((len(chosen), RAYS, fields), kernel.real),

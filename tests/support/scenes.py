@@ -50,8 +50,6 @@ def large_segment(pixels: int = 25) -> Scene:
     scene, distance = load_scene("sphere"), 36000.0
     screen = replace(scene.screen, position_mm=(300.0, 0.0, distance), pixels=(101, 101), pitch_mm=0.5)
     detector = Detector(pixels=(pixels, pixels), pitch_mm=8400 * 16 / distance / (pixels - 2))
-    camera = replace(
-        scene.camera, position_mm=(-300.0, 0.0, distance), focus_distance_mm=distance, detector=detector
-    )
+    camera = replace(scene.camera, position_mm=(-300.0, 0.0, distance), focus_distance_mm=distance, detector=detector)
     mirror = Mirror(radius_mm=36000.0, diameter_mm=8400.0)
     return replace(scene, name="segment", mirror=mirror, screen=screen, camera=camera)

@@ -10,9 +10,7 @@ from scipy import stats
 
 def sidak_z(tests: int, failure_chance: float) -> float:
     """Two-sided limit for |z| that `tests` independent standard normals all keep but with that chance."""
-    single = -math.expm1(
-        math.log1p(-failure_chance) / tests
-    )  # 1 - (1 - chance)^(1 / tests), without cancellation
+    single = -math.expm1(math.log1p(-failure_chance) / tests)  # 1 - (1 - chance)^(1 / tests), without cancellation
     return float(stats.norm.isf(single / 2))
 
 

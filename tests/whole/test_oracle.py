@@ -63,9 +63,7 @@ def test_forward_paths_land_on_the_detector_pixel_that_the_lens_images_them_to(d
     columns, rows = scene.camera.detector.pixels
     # landing error on the mirror's side, seen as a fraction of a pixel's footprint there
     footprint = (
-        scene.camera.detector.pitch_mm
-        * tracer.focus_distance(scene.camera)
-        / tracer.image_distance(scene.camera)
+        scene.camera.detector.pitch_mm * tracer.focus_distance(scene.camera) / tracer.image_distance(scene.camera)
     )
     margin = 2 * LANDING_MM[precision] / footprint  # position and slope each within the landing tolerance
     off_centre = np.maximum(np.abs(column - np.round(column)), np.abs(row - np.round(row)))
@@ -75,9 +73,7 @@ def test_forward_paths_land_on_the_detector_pixel_that_the_lens_images_them_to(d
     expected = np.where(on, row * columns + column, -1)
     assert clear.sum() >= 20_000 and len(np.unique(expected[clear])) > 3000
     np.testing.assert_array_equal(rays.marks[clear, 2], expected[clear])
-    assert (name == "lopsided") == bool(
-        (expected[clear] < 0).any()
-    )  # its mirror image is larger than the detector
+    assert (name == "lopsided") == bool((expected[clear] < 0).any())  # its mirror image is larger than the detector
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -173,12 +169,8 @@ def test_oracle_meets_the_surface_and_its_normal_is_the_slope(name):
     step = 1e-2  # mm: rounding 1e-13 / 1e-2, third derivatives 1e-2^2 x 1e-9
     slope_x = (height(xy[:, 0] + step, xy[:, 1]) - height(xy[:, 0] - step, xy[:, 1])) / (2 * step)
     slope_y = (height(xy[:, 0], xy[:, 1] + step) - height(xy[:, 0], xy[:, 1] - step)) / (2 * step)
-    np.testing.assert_allclose(
-        -gradient[:, 0] / gradient[:, 2], slope_x, rtol=0, atol=1e-10
-    )  # of the step, above
-    np.testing.assert_allclose(
-        -gradient[:, 1] / gradient[:, 2], slope_y, rtol=0, atol=1e-10
-    )  # of the step, above
+    np.testing.assert_allclose(-gradient[:, 0] / gradient[:, 2], slope_x, rtol=0, atol=1e-10)  # of the step, above
+    np.testing.assert_allclose(-gradient[:, 1] / gradient[:, 2], slope_y, rtol=0, atol=1e-10)  # of the step, above
 
 
 def test_oracle_sphere_returns_light_from_its_centre():
@@ -187,22 +179,14 @@ def test_oracle_sphere_returns_light_from_its_centre():
     centre = np.array([0.0, 0.0, scene.mirror.radius_mm])
     directions = np.array([[0.0, 0.0, -1.0], [0.1, 0.02, -1.0], [-0.05, 0.12, -1.0]])
     points = surface.meet(np.tile(centre, (3, 1)), directions)
-    np.testing.assert_allclose(
-        np.linalg.norm(points - centre, axis=1), scene.mirror.radius_mm, rtol=1e-15
-    )  # rounding
-    np.testing.assert_allclose(
-        surface.reflect(points, directions), -directions, rtol=0, atol=1e-14
-    )  # rounding
+    np.testing.assert_allclose(np.linalg.norm(points - centre, axis=1), scene.mirror.radius_mm, rtol=1e-15)  # rounding
+    np.testing.assert_allclose(surface.reflect(points, directions), -directions, rtol=0, atol=1e-14)  # rounding
 
 
 def test_oracle_parabola_collects_parallel_light_in_the_focus():
     mirror = load_scene("off-axis").mirror
-    parabola = tracer.OracleMirror(
-        type(mirror)(radius_mm=2000.0, conic=-1.0, off_axis_mm=300.0, diameter_mm=200.0)
-    )
-    tilt = np.arctan(
-        300.0 / 2000.0
-    )  # of the parent's axis against the segment's normal: slope of the parent there
+    parabola = tracer.OracleMirror(type(mirror)(radius_mm=2000.0, conic=-1.0, off_axis_mm=300.0, diameter_mm=200.0))
+    tilt = np.arctan(300.0 / 2000.0)  # of the parent's axis against the segment's normal: slope of the parent there
     axis = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
     in_plane = np.array([np.cos(tilt), 0.0, -np.sin(tilt)])
     vertex = -300.0 * in_plane - 300.0**2 / 4000.0 * axis
@@ -220,13 +204,9 @@ def test_oracle_lens_is_sharp_in_focus_and_upright():
     object_point = np.asarray(camera.position_mm) + 30.0 * x - 12.0 * y - tracer.focus_distance(camera) * z
     image = tracer.upright_image(camera, object_point)
     assert image[0] > 0 > image[1]
-    np.testing.assert_allclose(
-        tracer.focus_point(camera, image), object_point, rtol=0, atol=1e-11
-    )  # rounding at 1.5 m
+    np.testing.assert_allclose(tracer.focus_point(camera, image), object_point, rtol=0, atol=1e-11)  # rounding at 1.5 m
     # Behind the lens a ray at aperture point a has slope p - a / f; all meet at the inverted image.
     distance = tracer.image_distance(camera)
     for a in (-1.5, 0.0, 1.2):
         slope = (a - 30.0) / tracer.focus_distance(camera)
-        assert a + distance * (slope - a / camera.focal_length_mm) == pytest.approx(
-            -image[0], abs=1e-13
-        )  # rounding
+        assert a + distance * (slope - a / camera.focal_length_mm) == pytest.approx(-image[0], abs=1e-13)  # rounding

@@ -50,10 +50,13 @@ def test_version_is_a_version():
     assert irt.__version__[0].isdigit()
 
 
-@pytest.mark.parametrize("code", [
-    "import irtscots_cl",
-    "import irtscots_cl; dir(irtscots_cl); irtscots_cl.__version__",
-])
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import irtscots_cl",
+        "import irtscots_cl; dir(irtscots_cl); irtscots_cl.__version__",
+    ],
+)
 def test_import_loads_nothing_heavy(code):
     loaded = run_python(f"{code}; import sys; print(*sys.modules)").split()
     assert "irtscots_cl" in loaded

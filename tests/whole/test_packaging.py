@@ -19,8 +19,16 @@ ENVIRONMENT = {key: value for key, value in os.environ.items() if not key.starts
 
 
 def command(*words: object, cwd: Path, expect: int = 0) -> str:
-    result = subprocess.run([str(word) for word in words], cwd=cwd, env=ENVIRONMENT, stdin=subprocess.DEVNULL,
-                            capture_output=True, text=True, timeout=600, check=False)
+    result = subprocess.run(
+        [str(word) for word in words],
+        cwd=cwd,
+        env=ENVIRONMENT,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
     assert result.returncode == expect, result.stdout[-2000:] + result.stderr[-4000:]
     return result.stdout
 
@@ -51,8 +59,19 @@ def clean_python(wheel, tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("clean")
     venv.create(folder, with_pip=False)
     python = folder / BINARIES / "python"
-    command(sys.executable, "-m", "pip", "--python", python, "--disable-pip-version-check", "install", "--no-deps",
-            "--no-index", wheel, cwd=folder)
+    command(
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        python,
+        "--disable-pip-version-check",
+        "install",
+        "--no-deps",
+        "--no-index",
+        wheel,
+        cwd=folder,
+    )
     executor = command(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=folder).strip()
     here = dict.fromkeys(sysconfig.get_path(kind) for kind in ("purelib", "platlib"))
     Path(executor, "dependencies.pth").write_text("\n".join(here) + "\n", encoding="utf-8")
@@ -82,8 +101,10 @@ def test_sdist_holds_sources_and_tests(dist):
 
 
 def test_wheel_finds_its_own_files(clean_python, tmp_path):
-    code = ("import irtscots_cl as irt; from irtscots_cl.opencl.program import kernels_folder; "
-            "print(irt.__file__, kernels_folder(), irt.load_scene('sphere').name, irt.__version__, sep='\\n')")
+    code = (
+        "import irtscots_cl as irt; from irtscots_cl.opencl.program import kernels_folder; "
+        "print(irt.__file__, kernels_folder(), irt.load_scene('sphere').name, irt.__version__, sep='\\n')"
+    )
     package, kernels, scene, version = command(clean_python, "-c", code, cwd=tmp_path).splitlines()
     assert Path(package).is_relative_to(clean_python.parent.parent)
     assert Path(kernels) == Path(package).parent / "kernels"

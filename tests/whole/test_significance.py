@@ -17,9 +17,7 @@ def test_sidak_limit_holds_for_all_tests_at_once(tests):
     for chance in (1e-6, 0.1):
         all_pass = (1 - 2 * stats.norm.sf(sidak_z(tests, chance))) ** tests
         assert 1 - all_pass == pytest.approx(chance, rel=1e-4)  # float64 in the power: 1e6 x 1e-16 of 1e-6
-        assert -np.expm1(tests * np.log1p(-sidak_p(tests, chance))) == pytest.approx(
-            chance, rel=1e-9
-        )  # rounding
+        assert -np.expm1(tests * np.log1p(-sidak_p(tests, chance))) == pytest.approx(chance, rel=1e-9)  # rounding
 
 
 def test_poisson_ratio_is_twice_the_smaller_binomial_tail():

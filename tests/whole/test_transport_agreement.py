@@ -57,12 +57,8 @@ class Pair:
 def pair(name, device) -> Pair:
     scene = scene_of(name)
     rays, seed = RAYS[name], 20 + 2 * SCENES.index(name)
-    forward = trace(
-        scene, device=device, estimator="forward", rays_per_pixel=rays[0], replicates=1, seed=seed
-    )
-    adjoint = trace(
-        scene, device=device, estimator="adjoint", rays_per_pixel=rays[1], replicates=1, seed=seed + 1
-    )
+    forward = trace(scene, device=device, estimator="forward", rays_per_pixel=rays[0], replicates=1, seed=seed)
+    adjoint = trace(scene, device=device, estimator="adjoint", rays_per_pixel=rays[1], replicates=1, seed=seed + 1)
     np.testing.assert_array_equal(forward.windows.pixels, adjoint.windows.pixels)
     np.testing.assert_array_equal(forward.windows.origins, adjoint.windows.origins)
     shape = forward.counts.shape[1:]

@@ -8,6 +8,8 @@ import numpy as np
 
 from irtscots_cl.maths.frame import Frame
 from irtscots_cl.maths.quadric import Quadric
+from irtscots_cl.optics.camera_model import camera_frame
+from irtscots_cl.optics.screen_model import screen_frame
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.model import Scene
@@ -70,7 +72,7 @@ def _mirror(scene: Scene) -> Component:
 
 def _camera(scene: Scene) -> list[Component]:
     camera, detector = scene.camera, scene.camera.detector
-    frame = Frame.looking(camera.position_mm, camera.look_at_mm)
+    frame = camera_frame(camera)
     half = tuple(n * detector.pitch_mm / 2 for n in detector.pixels)
     distance = camera.detector_distance_mm or camera.image_distance_mm
     behind = Frame(frame.position_mm + distance * frame.axes[2], frame.axes)
@@ -131,7 +133,7 @@ def targets_of(scene: Scene) -> tuple[Target, ...]:
     """
     components = {component.name: component for component in components_of(scene)}
     camera = scene.camera
-    aperture = Target("stop", Frame.looking(camera.position_mm, camera.look_at_mm), camera.aperture_diameter_mm / 2)
+    aperture = Target("stop", camera_frame(camera), camera.aperture_diameter_mm / 2)
     names = [element.name for element in scene.element if element.important]
     if any(element.scatter is not None for element in scene.element):
         names = ["detector", "mirror", *names]
@@ -153,7 +155,7 @@ def groups_of(scene: Scene, components: tuple[Component, ...]) -> tuple[np.ndarr
 
 def on_screen(scene: Scene, components: tuple[Component, ...]) -> int:
     """Number of the plane component in the screen's plane, on which rays start; -1 if there is none."""
-    screen = Frame.looking(scene.screen.position_mm, scene.screen.look_at_mm)
+    screen = screen_frame(scene.screen)
     size = np.linalg.norm(screen.position_mm)
     for number, component in enumerate(components):
         away = abs((component.frame.position_mm - screen.position_mm) @ screen.axes[2])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irtscots_cl.optics.aim import Aim, covering_ellipses, pixel_centres
+from irtscots_cl.optics.aim import Aim, covering_ellipses, half_diagonal, pixel_centres
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.elements.components import Component
 from irtscots_cl.optics.elements.walk import distance_to, walk
@@ -190,12 +190,12 @@ def _to_element(chief: ChiefRays, component: Component) -> Aim | None:
     """Ellipses that cover an element. None: hardly less than the half space, as if it reaches to the screen's plane."""
     rim = _rim(component) if component.name != "stop" else component.inner_mm / component.outer_mm * _rim(component)
     x, y = pixel_centres(chief)
-    frame, pitch, points = chief.screen_frame, chief.scene.screen.pitch_mm, _on_surface(component, rim)
+    frame, half_pixel, points = chief.screen_frame, half_diagonal(chief.scene.screen), _on_surface(component, rim)
     centre, root = np.empty((len(x), 2)), np.empty((len(x), 2, 2))
     try:
         with np.errstate(invalid="ignore", divide="ignore"):
             for part in np.array_split(np.arange(len(x)), len(x) // 4096 + 1):
-                centre[part], root[part] = covering_ellipses(frame, points, x[part], y[part], pitch)
+                centre[part], root[part] = covering_ellipses(frame, points, x[part], y[part], half_pixel)
     except np.linalg.LinAlgError:  # no larger than rounding
         return None
     depth = (points - frame.position_mm) @ frame.axes[2]

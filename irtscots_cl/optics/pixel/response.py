@@ -79,17 +79,36 @@ class PixelResponse:
         return 2 * np.hypot(self.maps.term("x", "s"), self.maps.term("y", "t"))
 
     def weight(self, s: np.ndarray, t: np.ndarray, pixel: np.ndarray, half_s=0.0, half_t=0.0) -> tuple[np.ndarray, ...]:
-        """Mean of cos^4 over cells (centres, half-lengths), and its relative growth per unit of s, t, a, b."""
-        camera = self.chief.scene.camera
-        distance, pitch = camera.image_distance_mm, camera.detector.pitch_mm
-        x, y = self.chief.image_point(self.maps.row[pixel] + t / 2, self.maps.column[pixel] + s / 2)
+        """Mean of the weight over cells (centres, half-lengths), and its relative growth per unit of s, t, a, b.
+
+        The weight is cos^4 times the stretch of the pixel's image: its flux over that of the perfect lens on its axis.
+        """
+        camera, model = self.chief.scene.camera, self.chief.camera_model
+        distance, pitch = camera.image_distance_mm, model.pitch_mm
+        row, column = self.maps.row[pixel] + t / 2, self.maps.column[pixel] + s / 2
+        x, y = model.image_point(row, column)
         slope_x, slope_y = -x / distance, -y / distance
         cosine2 = 1 / (1 + slope_x**2 + slope_y**2)
         by_x, by_y = -4 * slope_x * cosine2, -4 * slope_y * cosine2
-        step, reach = pitch / 2 / distance, camera.aperture_diameter_mm / 2 / camera.focus_mm
+        step_x, step_y = (p / 2 / distance for p in pitch)
+        reach = camera.aperture_diameter_mm / 2 / camera.focus_mm
         bend_x, bend_y = (24 * slope**2 * cosine2**2 - 4 * cosine2 for slope in (slope_x, slope_y))
-        mean = 1 + step**2 * (bend_x * half_s**2 + bend_y * half_t**2) / 6
-        return cosine2**2 * mean, -by_x * step, -by_y * step, by_x * reach, by_y * reach
+        ratio = step_y / step_x
+        mean = 1 + step_x**2 * (bend_x * half_s**2 + ratio**2 * bend_y * half_t**2) / 6
+        if model.is_distorted:
+            stretch = model.stretch(row, column)
+            growth = [self._growth(row, column, *step) for step in ((0.0, 0.5), (0.5, 0.0))]
+            return cosine2**2 * stretch * mean, *growth, by_x * reach, by_y * reach
+        return cosine2**2 * mean, -by_x * step_x, -by_y * step_y, by_x * reach, by_y * reach
+
+    def _growth(self, row, column, step_row: float, step_column: float) -> np.ndarray:
+        """Relative growth of the weight of chief rays along a step from pixels, by differences."""
+        model, weights = self.chief.camera_model, []
+        for sign in (1.0, -1.0):
+            at = row + sign * step_row, column + sign * step_column
+            x, y = (v / model.image_distance_mm for v in model.image_point(*at))
+            weights.append(model.stretch(*at) * (1 + x**2 + y**2) ** -2)
+        return (weights[0] - weights[1]) / (weights[0] + weights[1])
 
     def valid(self) -> np.ndarray:
         """Whether the closed form gives each pixel's light; false if its map contains NaN."""

@@ -260,17 +260,19 @@ class TracedLight:
     def _reach(self, coefficient, k: int, *axes: int) -> float:
         """Largest phase [rad] of the screen's lines that the pixels' light turns by along half of these axes."""
         slopes = [coefficient[_linear(axis), k] for axis in axes]
-        return float(2 * np.pi * np.percentile(np.linalg.norm(slopes, axis=0), 95) / self.chief.scene.screen.pitch_mm)
+        pitch = self.chief.scene.screen.pitch_xy_mm[k]
+        return float(2 * np.pi * np.percentile(np.linalg.norm(slopes, axis=0), 95) / pitch)
 
     def _cos4(self, points: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-        """cos^4 [q, n] of the rays' angles to the camera's axis."""
-        camera = self.chief.scene.camera
+        """cos^4 [q, n] of the rays' angles to the camera's axis, times the image's stretch."""
+        camera, model = self.chief.scene.camera, self.chief.camera_model
         s, t, a, b = points.T[:, :, None]
-        image_x, image_y = self.chief.image_point(row + t / 2, column + s / 2)
+        image_x, image_y = model.image_point(row + t / 2, column + s / 2)
         radius, distance = camera.aperture_diameter_mm / 2, camera.image_distance_mm
         slope_x = a * radius / camera.focus_mm - image_x / distance
         slope_y = b * radius / camera.focus_mm - image_y / distance
-        return (1 + slope_x**2 + slope_y**2) ** -2
+        cosine4 = (1 + slope_x**2 + slope_y**2) ** -2
+        return cosine4 * model.stretch(row + t / 2, column + s / 2) if model.is_distorted else cosine4
 
     def _inside(self, x, y, coefficient):
         """Share [chords, pieces, n] of the pixel's cell about each place x, y that lies on the mirror.

@@ -39,7 +39,7 @@ def trace_analytic(setup: Setup) -> LineLight:
     windows, pixels = setup.windows(MARGIN), setup.pixel_response
     fate = _fates(pixels, windows)
     _check_closed_form(scene.name, pixels, fate)
-    area = np.pi / 4 * scene.camera.aperture_diameter_mm**2 * scene.camera.detector.pitch_mm**2
+    area = np.pi / 4 * scene.camera.aperture_diameter_mm**2 * setup.chief_rays.camera_model.pixel_area_mm2
     gain = scene.screen.radiance * scene.mirror.reflectance * scene.camera.transmittance
     flux = {}
     for k, output in enumerate("uv"):
@@ -57,7 +57,7 @@ def trace_analytic(setup: Setup) -> LineLight:
 def window_edges_mm(scene: Scene, windows: Windows, k: int) -> np.ndarray:
     """Edges [n, window + 1] of the screen pixels in the windows, in the screen's own x (k = 0) or y (k = 1)."""
     number = windows.origins[:, k, None] + np.arange((windows.columns, windows.rows)[k] + 1)
-    return (number - scene.screen.pixels[k] / 2) * scene.screen.pitch_mm + scene.screen.centre_offset_mm[k]
+    return (number - scene.screen.pixels[k] / 2) * scene.screen.pitch_xy_mm[k] + scene.screen.centre_offset_mm[k]
 
 
 def _check_closed_form(name: str, pixels: PixelResponse, fate: np.ndarray) -> None:
@@ -77,7 +77,7 @@ def _fates(pixels: PixelResponse, windows: Windows) -> np.ndarray:
     screen, on_screen = pixels.chief.scene.screen, np.ones(len(pixels.pixels), bool)
     for k, output in enumerate("uv"):
         centre, reach = pixels.extent(output)
-        half = screen.pixels[k] / 2 * screen.pitch_mm
+        half = screen.pixels[k] / 2 * screen.pitch_xy_mm[k]
         on_screen &= np.abs(centre - screen.centre_offset_mm[k]) + reach <= half
     fate = np.where(on_screen, Fate.DETECTED, Fate.OFF_SCREEN)
     fate = np.where(pixels.valid(), fate, Fate.FAILED)

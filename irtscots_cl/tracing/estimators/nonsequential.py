@@ -148,7 +148,7 @@ class PathTask:
 
     @property
     def _gain(self) -> float:
-        return self.setup.scene.screen.radiance * self.setup.scene.screen.pitch_mm**2
+        return self.setup.scene.screen.radiance * self.setup.scene.screen.pixel_area_mm2
 
     @property
     def launched_w(self) -> float:

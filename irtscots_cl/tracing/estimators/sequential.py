@@ -157,10 +157,10 @@ class SequentialTask:
         if options.estimator == "forward":
             _check_in_front(self.setup)
             structs, area = emitters(self.setup, options.precision, options.overfill, options.aim)
-            unit = (gain * screen.pitch_mm**2 * area).reshape(screen.pixels[::-1])
+            unit = (gain * screen.pixel_area_mm2 * area).reshape(screen.pixels[::-1])
             return structs, windows.gather(unit)
         chief = self.setup.chief_rays
-        area = np.pi / 4 * camera.aperture_diameter_mm**2 * camera.detector.pitch_mm**2
+        area = np.pi / 4 * camera.aperture_diameter_mm**2 * chief.camera_model.pixel_area_mm2
         unit = gain * area / camera.image_distance_mm**2 * cosine4(chief, windows.pixels) / WEIGHT_ONE
         if options.smoothing:
             structs = line_receivers(self.setup, windows.pixels, windows.origins, options.precision)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from irtscots_cl.maths.frame import Frame
 from irtscots_cl.opencl.structs import TIS_NODES, element_dtype, path_job_dtype, scatter_structs
 from irtscots_cl.optics.elements.components import Component, groups_of, on_screen, targets_of
 from irtscots_cl.optics.elements.first_hits import ALL, may_meet
+from irtscots_cl.optics.screen_model import screen_frame
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
 
@@ -122,6 +122,6 @@ def path_job(
     if several:
         job["cone_from"], job["may"] = cone_from, (ALL, ALL)
         return job
-    screen = Frame.looking(scene.screen.position_mm, scene.screen.look_at_mm)
+    screen = screen_frame(scene.screen)
     job["may"] = may_meet(components, screen, sources, scene.screen.pitch_mm)
     return job

@@ -10,9 +10,7 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.options import TraceOptions
 
 
-def launch_structure(
-    scene: Scene, options: TraceOptions, replicate: int, block: RayBlock, per_item: int
-) -> np.ndarray:
+def launch_structure(scene: Scene, options: TraceOptions, replicate: int, block: RayBlock, per_item: int) -> np.ndarray:
     """The kernels' Launch [()] of a block; its window's size is left to the caller."""
     columns, rows = scene.camera.detector.pixels
     launch = np.zeros((), LAUNCH)

@@ -26,7 +26,7 @@ def receivers(chief: ChiefRays, visible_pixels: np.ndarray, origins: np.ndarray,
     """Adjoint sources [slots]: slots are flat detector pixel numbers, origins [slots, 2] the windows' (column, row)."""
     rows, columns = np.divmod(visible_pixels, chief.shape[1])
     out = np.zeros(len(visible_pixels), receiver_dtype(PRECISIONS[precision]))
-    out["x"], out["y"] = chief.image_point(rows, columns)
+    out["x"], out["y"] = chief.camera_model.image_point(rows, columns)
     out["weight_scale"] = WEIGHT_ONE / cosine4(chief, visible_pixels)
     out["column"], out["row"] = origins.T
     out["pixel"] = visible_pixels
@@ -59,7 +59,7 @@ def cosine4(chief: ChiefRays, visible_pixels: np.ndarray) -> np.ndarray:
     At least LEAST_COSINE4: a pixel so wide that its centre is far off the axis and its edge near it would otherwise
     have rays whose weight, relative to the centre's, does not fit 31 bits.
     """
-    x, y = chief.image_point(*np.divmod(visible_pixels, chief.shape[1]))
+    x, y = chief.camera_model.image_point(*np.divmod(visible_pixels, chief.shape[1]))
     distance = chief.scene.camera.image_distance_mm
     return np.maximum((1 + (x**2 + y**2) / distance**2) ** -2, MIN_COSINE4)
 

@@ -105,7 +105,7 @@ def test_a_scene_without_noise_imports_nothing_of_it():
     code = "import irtscots_cl as irt, sys; irt.load_scene('sphere'); print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert "irtscots_cl.scene.instrument" in loaded
-    names = ("noise_tables", "detector_noise", "screen_response")
+    names = ("optional_tables", "detector_noise", "screen_response")
     assert not {f"irtscots_cl.scene.{name}" for name in names} & set(loaded)
 
 

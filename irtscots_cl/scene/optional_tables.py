@@ -1,43 +1,63 @@
-"""The tables [camera.detector.noise] and [screen.response] of a scene file or of a file of their own."""
+"""Tables of a scene file that few scenes have: each is checked by a module that only such scenes import."""
 
 from __future__ import annotations
 
 import functools
 import os
+from importlib import import_module
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from irtscots_cl.scene.detector_noise import DetectorNoise
-from irtscots_cl.scene.screen_response import ScreenResponse
 from irtscots_cl.scene.validation import nearest, problem, shown_word, translate
 
 NOISE, RESPONSE = ("camera", "detector", "noise"), ("screen", "response")
+KINDS = {  # path of keys -> (module of irtscots_cl.scene, its checked dataclass)
+    NOISE: ("detector_noise", "DetectorNoise"),
+    RESPONSE: ("screen_response", "ScreenResponse"),
+    ("camera", "intrinsics"): ("camera_intrinsics", "Intrinsics"),
+    ("screen", "shape"): ("screen_shape", "ScreenShape"),
+    ("screen", "cover_glass"): ("screen_shape", "CoverGlass"),
+    ("screen", "lines"): ("screen_shape", "ScanLines"),
+}
 FILES = ("quantum_efficiency_map", "brightness_map")  # keys whose value is a path
 _adapter = functools.cache(TypeAdapter)
 
 
+def has_optional_tables(data: dict[str, Any]) -> bool:
+    """Whether the data of a file have one of KINDS."""
+    return any(_at(data, steps) is not None for steps in KINDS)
+
+
+def _kind(steps: tuple[str, ...]) -> Any:
+    module, name = KINDS[steps]
+    return getattr(import_module(f"irtscots_cl.scene.{module}"), name)
+
+
 def checked_tables(data: dict[str, Any], source: str) -> dict[str, Any]:
-    """The data of a scene file with the two tables, where it has them, replaced by checked dataclasses.
+    """The data of a scene file with the tables of KINDS, where it has them, replaced by checked dataclasses.
 
     Paths in them are relative to the folder of the file `source`. Raises SceneError.
     """
-    for kind, steps in ((DetectorNoise, NOISE), (ScreenResponse, RESPONSE)):
+    for steps in KINDS:
         table = _at(data, steps)
         if table is not None:
-            data = _replaced(data, steps, _checked(kind, table, source, steps))
+            data = _replaced(data, steps, _checked(_kind(steps), table, source, steps))
     return data
 
 
-def noise_from_file(data: dict[str, Any], source: str) -> tuple[DetectorNoise | None, ScreenResponse | None]:
-    """The two tables of a file that has no others; None for one that it lacks. Raises SceneError."""
+def noise_from_file(data: dict[str, Any], source: str) -> tuple[Any, Any]:
+    """The DetectorNoise and the ScreenResponse of a file without other tables; None for one that it lacks.
+
+    Raises SceneError.
+    """
     _refuse_others(data, {"camera": {"detector": {"noise": None}}, "screen": {"response": None}}, source, ())
     noise, response = _at(data, NOISE), _at(data, RESPONSE)
     if noise is None and response is None:
         raise problem(source, (), "has no noise; must have a table [camera.detector.noise] or [screen.response]")
     return (
-        None if noise is None else _checked(DetectorNoise, noise, source, NOISE),
-        None if response is None else _checked(ScreenResponse, response, source, RESPONSE),
+        None if noise is None else _checked(_kind(NOISE), noise, source, NOISE),
+        None if response is None else _checked(_kind(RESPONSE), response, source, RESPONSE),
     )
 
 
