@@ -68,7 +68,8 @@ def unbend(x_bent, y_bent, terms) -> tuple[np.ndarray, np.ndarray]:
             break
         determinant = a * d - b * c
         x, y = x - (d * miss_x - b * miss_y) / determinant, y - (a * miss_y - c * miss_x) / determinant
-    if not max(np.max(np.abs(miss_x)), np.max(np.abs(miss_y))) < 1e-14:
+    arrived = max(np.max(np.abs(miss_x)), np.max(np.abs(miss_y))) < 1e-14
+    if not (arrived and np.all(a > 0) and np.all(a * d - b * c > 0)):  # else beyond a fold
         raise ValueError("the distortion cannot be undone there")
     return x, y
 
