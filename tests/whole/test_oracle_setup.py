@@ -151,6 +151,14 @@ def test_pixels_are_on_the_bent_and_turned_screen():
     assert len(sparse) == 15 and sparse[-1, 1] <= 77 * 0.375
 
 
+def test_a_sheet_s_tangents_are_its_derivatives():
+    sheet = Rig.of(real_setup()).panel.sheet
+    u, v = np.array([3.0, -20.0, 11.0]), np.array([-14.0, 2.0, 6.0])
+    _, along_u, along_v = sheet(u, v)
+    _, by_u, by_v = panel.map_sheet(lambda u, v: sheet(u, v)[0])(u, v)
+    np.testing.assert_allclose([along_u, along_v], [by_u, by_v], atol=1e-9)  # differences over 1e-3 mm
+
+
 def test_glass_moves_rays_as_a_plane_parallel_plate():
     # a bare plane panel at z = 0 that shines towards -z; rays at 40 degrees in the x-z plane
     angle, n, t = math.radians(40), 1.52, 2.2
@@ -241,6 +249,22 @@ def test_light_of_a_pixel(axis):
     rayed = light.binned_flux(rig, 20, 38, edges, axis)
     assert np.abs(flux - rayed).max() < 5e-3 * flux.max()  # 50,000 even rays
     assert math.isclose(flux.sum(), rayed.sum(), rel_tol=1e-7)  # all of it is on the screen; smooth: few rays do
+
+
+def test_light_is_radiance_times_aperture_times_solid_angle():
+    rig = Rig.of(real_setup().replace("aperture_diameter_mm = 3.0", "aperture_diameter_mm = 0.1"))
+    row, column = 46, 13
+    flux = light.line_flux(rig, row, column, rig.panel.line_edges(0), 0).sum()
+    corners = np.array([[-0.5, -0.5], [-0.5, 0.5], [0.5, 0.5], [0.5, -0.5]])
+    ways = panel.unit(rig.eye.looks_along(row + corners[:, 0], column + corners[:, 1])[1])
+    # a spherical triangle's solid angle: tan(E / 2) = a . (b x c) / (1 + a . b + b . c + c . a)  (Eriksson 1990)
+    angle = 0.0
+    for a, b, c in (ways[[0, 1, 2]], ways[[0, 2, 3]]):
+        angle += 2 * math.atan2(abs(a @ np.cross(b, c)), 1 + a @ b + b @ c + c @ a)
+    cosine = -panel.unit(ways.sum(0)) @ rig.eye.axes[2]
+    assert cosine < 0.996  # to tell its powers apart
+    expected = 2.0 * 0.8 * 0.9 * (math.pi / 4 * 0.1**2) * cosine * angle
+    assert math.isclose(flux, expected, rel_tol=2e-4)
 
 
 def test_light_of_the_sphere_s_centre_is_the_closed_form():
