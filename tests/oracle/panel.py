@@ -34,12 +34,12 @@ def plane_sheet(u, v):
     )
 
 
-def sag_sheet(terms, half_width: float, half_height: float) -> Sheet:
-    """X = u, Y = v, Z = sum c (u / half_width)^i (v / half_height)^j over terms (i, j, c)."""
+def sag_sheet(terms, half_width: float, half_height: float, middle=(0.0, 0.0)) -> Sheet:
+    """X = u, Y = v, Z = sum c s^i t^j over terms (i, j, c): s = u / half_width, t = v / half_height from the middle."""
 
     def sheet(u, v):
         point, along_u, along_v = plane_sheet(u, v)
-        s, t = u / half_width, v / half_height
+        s, t = (u - middle[0]) / half_width, (v - middle[1]) / half_height
         for i, j, c in terms:
             point[..., 2] += c * s**i * t**j
             if i:
@@ -113,14 +113,15 @@ class Panel:
         pitch = tuple(pitch) if isinstance(pitch, (list, tuple)) else (pitch, pitch)
         size = tuple(screen["pixels"])
         shape, glass = screen.get("shape"), screen.get("cover_glass", {})
+        offset = tuple(screen.get("centre_offset_mm", (0.0, 0.0)))
         if sheet is None and shape is not None:
-            sheet = sag_sheet(shape["sag_mm"], size[0] * pitch[0] / 2, size[1] * pitch[1] / 2)
+            sheet = sag_sheet(shape["sag_mm"], size[0] * pitch[0] / 2, size[1] * pitch[1] / 2, offset)
         return cls(
             place=place,
             axes=frame_axes(place, target, math.radians(screen.get("clocking_deg", 0.0))),
             size=size,
             pitch=pitch,
-            offset=tuple(screen.get("centre_offset_mm", (0.0, 0.0))),
+            offset=offset,
             sheet=sheet or plane_sheet,
             thickness=glass.get("thickness_mm", 0.0),
             index=glass.get("index", 1.0),

@@ -167,7 +167,7 @@ def _changed_panel(panel: Panel, quantity: str, value: float) -> Panel:
     if quantity.startswith("sag_"):
         i, j = (int(k) for k in quantity.split("_")[1:3])
         half = [n * p / 2 for n, p in zip(panel.size, panel.pitch, strict=True)]
-        return dataclasses.replace(panel, sheet=_summed(panel.sheet, sag_sheet([(i, j, value)], *half)))
+        return dataclasses.replace(panel, sheet=_summed(panel.sheet, sag_sheet([(i, j, value)], *half, panel.offset)))
     return _moved(panel, quantity, value)
 
 

@@ -138,15 +138,15 @@ def test_a_flat_mirror_shows_the_screen_behind_itself():
 
 def test_pixels_are_on_the_bent_and_turned_screen():
     # the pixel at the grid's right edge, half way up: s = 1, t = 0 of the sag's polynomial
-    text = real_setup(glass=False).replace("centre_offset_mm = [1.3, -7.3]", "centre_offset_mm = [0.0, 0.0]")
-    here = Rig.of(text).panel
-    half = 61 * 0.9 / 2
+    here = Rig.of(real_setup(glass=False)).panel
+    half, (u, v) = 61 * 0.9 / 2, (1.3, -7.3)
     x, y, z = picture.frame_axes([75, 130, 1540], [330, -400, 0])
-    turn = math.radians(-33)
-    expected = np.array([75, 130, 1540]) + half * (math.cos(turn) * x + math.sin(turn) * y) + (0.2 + 3.1) * z
-    np.testing.assert_allclose(here.world(half, 0.0), expected, atol=1e-12)
-    np.testing.assert_allclose(here.line_edges(0)[[0, -1]], [[-half, -half + 0.9], [half - 0.9, half]], atol=1e-12)
-    sparse = here.line_edges(1, first=2, step=5, width=3)
+    c, s = math.cos(math.radians(-33)), math.sin(math.radians(-33))
+    expected = np.array([75, 130, 1540]) + (half + u) * (c * x + s * y) + v * (c * y - s * x) + (0.2 + 3.1) * z
+    np.testing.assert_allclose(here.world(half + u, v), expected, atol=1e-12)
+    edges = here.line_edges(0)[[0, -1]] - u
+    np.testing.assert_allclose(edges, [[-half, -half + 0.9], [half - 0.9, half]], atol=1e-12)
+    sparse = here.line_edges(1, first=2, step=5, width=3) - v
     np.testing.assert_allclose(sparse[1], [-77 * 0.375 + 7 * 0.75, -77 * 0.375 + 10 * 0.75], atol=1e-12)
     assert len(sparse) == 15 and sparse[-1, 1] <= 77 * 0.375
 
@@ -212,7 +212,7 @@ def test_faults_move_what_their_names_say():
     one = with_fault(rig, "screen.pitch_relative", 1e-3).panel.sheet(2.0, 3.0)[0]
     other = with_fault(rig, "screen.pitch_y_relative", 1e-3).panel.sheet(2.0, 3.0)[0]
     np.testing.assert_allclose([one[:2], other[:2]], [[2.002, 3.003], [2.0, 3.003]])
-    sag = with_fault(rig, "screen.sag_2_0_mm", 0.1).panel.sheet(61 * 0.45, 0.0)[0]
+    sag = with_fault(rig, "screen.sag_2_0_mm", 0.1).panel.sheet(61 * 0.45 + 1.3, -7.3)[0]
     assert math.isclose(sag[2], 0.2 + 3.1 + 0.1)
     wider = with_fault(rig, "camera.focal_relative", 0.01).eye.scale
     np.testing.assert_allclose(wider, [646.4, 334.31])
