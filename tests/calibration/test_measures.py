@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -152,7 +153,7 @@ def test_the_ranking_and_the_plan(sphere, measures):
     assert most == sorted(most, reverse=True)
     steps = plan(sphere)
     assert len(steps) >= 3
-    for before, after in zip(steps, steps[1:], strict=False):
+    for before, after in pairwise(steps):
         np.testing.assert_allclose(after.before_nm, before.after_nm, rtol=1e-9)
         assert after.after_nm[0] < before.after_nm[0]
     numbers = [m for m in measures.values() if m.sigma is not None]
