@@ -18,6 +18,7 @@ The folders, in order: each imports only from folders above it.
     tracing      SIMULATION: scene and device to light transport, by four estimators.
     measurement  MEASUREMENT: images and design to height. Never imports tracing, opencl, execution.
     analysis     Truth meets measurement: errors, error terms, stray light.
+    calibration  What is not known about a test's geometry, and what its images say about it.
     report       Results for people and programs: tables, JSON, HTML, HDF5, figures.
     pipeline     The ready-made jobs: simulate, measure, reach a target.
     bench        How fast rays are traced, how the time grows with a job, and which error is had for which time.
@@ -52,6 +53,7 @@ _PUBLIC = {
     "error_bars": "measurement.error_bars",
     "error_terms": "analysis.error_terms",
     "estimate_centroids": "measurement.scan_estimates",
+    "identify": "calibration.identification",
     "integrate_slopes": "maths.integration",
     "load_scene": "scene.presets",
     "measure_by": "measurement.methods",
@@ -76,6 +78,7 @@ if TYPE_CHECKING:
     from irtscots_cl.analysis.comparison import compare as compare
     from irtscots_cl.analysis.error_terms import error_terms as error_terms
     from irtscots_cl.analysis.stray_light import stray_light as stray_light
+    from irtscots_cl.calibration.identification import identify as identify
     from irtscots_cl.execution.checkpoint import Checkpoints as Checkpoints
     from irtscots_cl.execution.checkpoint import Interrupted as Interrupted
     from irtscots_cl.imaging.fringes import FringeScan as FringeScan
