@@ -117,10 +117,13 @@ def screen_of(display: SofastDisplay, frame: Frame, distance_mm: float) -> Scree
 
 
 def places_of_fractions(
-    display: SofastDisplay, fraction_x: FloatArray, fraction_y: FloatArray
+    size_mm: tuple[float, float], fraction_x: FloatArray, fraction_y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Places (u, v) in mm on the grid of screen_of, of fractions (x, y) as the display's file has them."""
-    width, height = display.size_mm
+    """Places (u, v) in mm on the grid of screen_of, of fractions (x, y) as display files have them: y grows downwards.
+
+    size_mm: of the fractions from 0 to 1, which lie at the centres of the screen's outer pixels.
+    """
+    width, height = size_mm
     return (fraction_x - 0.5) * width, (0.5 - fraction_y) * height
 
 
