@@ -20,6 +20,7 @@ from irtscots_cl.measurement.harmonics import (
     correct_phase,
     error_gain,
     gamma_harmonics,
+    gamma_of,
     residual_square,
     second_harmonic,
 )
@@ -27,9 +28,10 @@ from irtscots_cl.measurement.phase import FrameNoise, SinusoidFit, fit_sinusoid
 from irtscots_cl.measurement.phase_steps import find_steps
 from irtscots_cl.measurement.unwrapping import Prior, phase_floor, unwrap
 
-SAMPLE = 20_000  # pixels
+SAMPLE = 8000  # pixels
 STEP_SAMPLE = 4000  # of them, for the search of steps
 MIN_RATIO = 0.002  # second harmonic over the first: below, what the others do to a phase is under 1 mrad
+BETTER = 0.5  # residual of other steps over that of the nominal ones: the steps are wrong
 AGREE = 0.1  # relative: second harmonics of a table and of the images that are called the same
 CLEARLY = 0.1  # misfit over that of the other direction: the direction is found
 MAX_FLOOR_RAD = 0.2  # beyond, the orders of the fringes are in doubt
@@ -135,11 +137,16 @@ def phases_of(
 def _steps_of(
     values: NDArray[Any], said: FloatArray, axis: str, periods: float, saturation: float
 ) -> tuple[FloatArray, list[str]]:
-    """The steps to evaluate with, and a note where they are not those said."""
+    """The steps to evaluate with, and a note where they are not those said.
+
+    Other steps count only where they explain the samples much better than a second harmonic does.
+    """
     whole = np.flatnonzero((values < saturation).all(0))
-    chosen = whole[:: max(1, len(whole) // STEP_SAMPLE)]
-    found = find_steps(values[:, chosen], said)
+    some = values[:, whole[:: max(1, len(whole) // STEP_SAMPLE)]]
+    found = find_steps(some, said)
     if found is None or not found.wrong.size:
+        return said, []
+    if not _left(some, found.found_rad) < BETTER * _left(some, said):
         return said, []
     worst = int(np.argmax(np.abs(found.difference_rad)))
     mean = np.diff(found.found_rad).mean()
@@ -148,6 +155,14 @@ def _steps_of(
         f"said: frame {worst} at {found.found_rad[worst]:.3f} rad, said {said[worst]:.3f} rad; "
         f"mean step {mean:.4f} rad = 2 pi / {2 * math.pi / mean:.2f}; the steps found are used"
     ]
+
+
+def _left(values: NDArray[Any], steps: FloatArray) -> float:
+    """Median squared residual of fits with these steps and a screen's gamma."""
+    fit = fit_sinusoid(values, steps)
+    seen = second_harmonic(values, fit)
+    square = fit.square if np.isnan(seen.ratio) else residual_square(values, fit, gamma_harmonics(gamma_of(seen.ratio)))
+    return float(np.median(square))
 
 
 def _harmonics_of(

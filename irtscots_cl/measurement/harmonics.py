@@ -102,23 +102,31 @@ def second_harmonic(samples: NDArray[Any], fit: SinusoidFit) -> SecondHarmonic:
 
 
 def residual_square(samples: NDArray[Any], fit: SinusoidFit, ratios: FloatArray) -> FloatArray:
-    """Sums [n] of squared residuals without what these harmonics put there; of complete fits, NaN of the others."""
+    """Sums [n] of squared residuals without what these harmonics put there; of complete fits, NaN of the others.
+
+    The harmonics stand where the noisy phase and amplitude say: what that adds is divided out, so that the mean over
+    fit.freedom is the samples' variance.
+    """
     steps = fit.steps_rad
     basis = np.stack([np.ones_like(steps), np.cos(steps), np.sin(steps)], -1)
     rest = np.eye(len(steps)) - basis @ np.linalg.pinv(basis)
     phase = correct_phase(fit.phase_rad, steps, ratios)
     amplitude = fit.amplitude / first_harmonic_gain(phase, steps, ratios)
-    model = ratios[2] * np.cos(2 * (phase - steps[:, None])) + _higher(phase, steps, ratios)
-    square = np.square(rest @ (np.asarray(samples, float) - amplitude * model)).sum(0)
-    return np.where(fit.samples == len(steps), square, np.nan)
+    angle = phase - steps[:, None]
+    model = rest @ (ratios[2] * np.cos(2 * angle) + _higher(phase, steps, ratios))
+    turned = rest @ (2 * ratios[2] * np.sin(2 * angle))  # its change with the phase; that of the others is small
+    square = np.square(rest @ np.asarray(samples, float) - amplitude * model).sum(0)
+    added = 2 / len(steps) * (np.square(model) + np.square(turned)).sum(0)
+    return np.where(fit.samples == len(steps), square * fit.freedom / (fit.freedom + added), np.nan)
 
 
 def _higher(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
     """The harmonics from the third on, over the first: samples [N, n]."""
     angle = phase_rad - steps_rad[:, None]
-    total: FloatArray = sum(
-        (ratios[k] * np.cos(k * angle) for k in range(3, len(ratios)) if ratios[k]), np.zeros_like(angle)
-    )
+    total = np.zeros_like(angle)
+    for k in range(3, len(ratios)):
+        if abs(ratios[k]) > 1e-5:
+            total += ratios[k] * np.cos(k * angle)
     return total
 
 

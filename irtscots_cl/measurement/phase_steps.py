@@ -1,8 +1,9 @@
 """The phase steps that images were really taken at, found from the images alone.
 
 Alternating fits (the advanced iterative algorithm; Wang and Han, Opt. Lett. 29, 1671 (2004)): the steps give each
-pixel's offset, cosine and sine; these give each frame's brightness and step. What stays unknown is a step common to all
-frames; it is chosen so that the steps found are the nominal ones times a factor, as far as they are.
+pixel's offset, cosine and sine; these give each frame's step. What stays unknown is a step common to all frames; it is
+chosen so that the steps found are the nominal ones times a factor, as far as they are. All frames are taken for equally
+bright: brightness that varies as a cosine of the steps cannot be told from other steps.
 """
 
 from __future__ import annotations
@@ -16,21 +17,21 @@ from numpy.typing import NDArray
 from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.harmonics import wrapped
 
-MIN_STEPS = 5  # with fewer, errors of the steps and of the brightness cannot be told apart
+MIN_STEPS = 5  # with fewer, the samples of a pixel leave too little to tell errors of the steps by
 ROUNDS = 500
-MOVED_RAD = 1e-7  # by a round, where the search ends
+MAX_CONDITION = 1e5  # of the fits: beyond, steps or phases are too much alike
+MOVED_RAD = 1e-6  # by a round, where the search ends
 WRONG_RAD = 0.1  # of a step: a difference that no harmonic of a usual screen explains
 WRONG_SIGMA = 6.0
 
 
 @dataclass(frozen=True)
 class FoundSteps:
-    """Steps [N] of the frames: as said, as found, and the latter's standard errors; brightness: [N] relative."""
+    """Steps [N] of the frames: as said, as found, and the standard errors of their differences."""
 
     nominal_rad: FloatArray
     found_rad: FloatArray
     standard_error_rad: FloatArray
-    brightness: FloatArray
 
     @property
     def difference_rad(self) -> FloatArray:
@@ -53,28 +54,37 @@ def find_steps(samples: NDArray[Any], nominal_rad: FloatArray) -> FoundSteps | N
     if count < MIN_STEPS or pixels < 4 * count:
         return None
     values = np.asarray(samples, float)
-    steps, bright = nominal.copy(), np.ones(count)
+    steps = nominal.copy()
     for _ in range(ROUNDS):
-        model = bright[:, None] * np.stack([np.ones(count), np.cos(steps), np.sin(steps)], -1)
-        normal = model.T @ model
-        if np.linalg.cond(normal) > 1e6:
+        model = np.stack([np.ones(count), np.cos(steps), np.sin(steps)], -1)
+        if np.linalg.cond(model) > MAX_CONDITION:
             return None
-        shapes = np.linalg.solve(normal, model.T @ values)  # [3, n]: offset, cosine, sine
-        gram = shapes @ shapes.T
-        if np.linalg.cond(gram) > 1e9:
+        shapes = np.linalg.pinv(model) @ values  # [3, n]: offset, cosine, sine
+        across = shapes[1:] @ shapes[1:].T
+        if np.linalg.cond(across) > MAX_CONDITION:
             return None
-        frames = values @ shapes.T @ np.linalg.inv(gram)  # [N, 3]
-        new = np.unwrap(np.stack([steps, np.arctan2(frames[:, 2], frames[:, 1])]), axis=0)[1]
-        new = _fixed(new, nominal)
+        frames = (values - shapes[0]) @ shapes[1:].T @ np.linalg.inv(across)  # [N, 2]
+        new = _fixed(np.arctan2(frames[:, 1], frames[:, 0]), nominal)
         moved, steps = np.abs(new - steps).max(), new
-        bright = frames[:, 0] / frames[:, 0].mean()
         if moved < MOVED_RAD:
             break
-    left = values - frames @ shapes
-    variance = np.square(left).sum() / max((count - 3) * pixels, 1)
-    across = np.stack([np.zeros(count), -np.sin(steps), np.cos(steps)], -1)
-    error = np.sqrt(variance * np.einsum("na,ab,nb->n", across, np.linalg.inv(gram), across))
-    return FoundSteps(nominal, steps, error, bright)
+    left = values - model @ shapes
+    variance = np.square(left).sum() / max((count - 3) * pixels - count, 1)
+    return FoundSteps(nominal, steps, np.sqrt(variance * np.diag(_covariance(steps, nominal, across))))
+
+
+def _covariance(steps: FloatArray, nominal: FloatArray, across: FloatArray) -> FloatArray:
+    """Covariance [N, N] of the steps for samples of unit variance; across: [2, 2] sums of cosine and sine products.
+
+    The pixels' parameters are fitted to the same samples: what they leave of a change of the steps is what tells it.
+    """
+    model = np.stack([np.ones_like(steps), np.cos(steps), np.sin(steps)], -1)
+    rest = np.eye(len(steps)) - model @ np.linalg.pinv(model)
+    turn = np.stack([-np.sin(steps), np.cos(steps)], -1)
+    known = np.linalg.pinv(rest * (turn @ across @ turn.T), rcond=1e-9, hermitian=True)
+    fixing = np.stack([_fixed(nominal + 1e-3 * row, nominal) - nominal for row in np.eye(len(steps))], -1) / 1e-3
+    covariance: FloatArray = fixing @ known @ fixing.T
+    return covariance
 
 
 def _fixed(found: FloatArray, nominal: FloatArray) -> FloatArray:

@@ -173,7 +173,8 @@ def phase_floor(
         fits: BoolArray = np.isfinite(found.fraction) & (found.freedom > 0)
         if not fits.any():
             return -1.0
-        return float(np.median(found.misfit[fits] / chi2.median(found.freedom[fits]))) - 1.0
+        kinds, which = np.unique(found.freedom[fits], return_inverse=True)
+        return float(np.median(found.misfit[fits] / chi2.median(kinds)[which])) - 1.0
 
     if excess(0.0) <= 0:
         return 0.0
