@@ -27,14 +27,14 @@ def add(commands) -> None:
         type=Path,
         metavar="IMAGES",
         help="HDF5 file with /images/x, /images/y "
-        "[lines, rows, columns] and /lines/x_mm, /lines/y_mm, as `irtscots run` writes it, or a SOFAST fringe measurement",
+        "[lines, rows, columns] and /lines/x_mm, /lines/y_mm, as `irtscots run` writes it, or a SOFAST measurement",
     )
     parser.add_argument(
         "--scene",
         required=True,
         metavar="SCENE",
-        help="preset name or path of a TOML file; only its design is used, no deviation. With a SOFAST measurement also "
-        "the folder of the laboratory's calibration files: camera, display, spatial orientation, facet",
+        help="preset name or path of a TOML file; only its design is used, no deviation. With a SOFAST measurement "
+        "also the folder of the laboratory's calibration files: camera, display, spatial orientation, facet",
     )
     parser.add_argument(
         "--display",
@@ -72,7 +72,9 @@ def _execute(options: argparse.Namespace) -> int:
         return _sofast(options)
     for option, given in (("--scene", Path(options.scene).is_dir()), ("--display", options.display is not None)):
         if given:
-            raise ValueError(f"{option}: a folder of calibration files goes with a SOFAST measurement, which IMAGES is not")
+            raise ValueError(
+                f"{option}: a folder of calibration files goes with a SOFAST measurement, which IMAGES is not"
+            )
     return _line_scans(options)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_pla
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
 from irtscots_cl.report.fringe_file import FringeMaps, write_fringe_result
+from irtscots_cl.report.quality import check_facts
 from irtscots_cl.report.types import FringeFacts, GeometryFacts, MeasuredFacts
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
@@ -67,9 +68,7 @@ class SofastResult:
     stored: Callable[[Any], Any] = field(repr=False)
 
 
-def sofast_surface(
-    measurement: SofastMeasurement, setup: SofastSetup, saturation: float | None = None
-) -> SofastResult:
+def sofast_surface(measurement: SofastMeasurement, setup: SofastSetup, saturation: float | None = None) -> SofastResult:
     """The surface of a SOFAST measurement. Raises ValueError where images, files and scene do not fit."""
     coordinates = screen_coordinates(sofast_fringes(measurement, saturation), response=setup.response)
     interruption.check()
@@ -90,7 +89,9 @@ def sofast_surface(
         given = measurement.screen_distance_mm, measurement.point_mm
         signal = turned(measurement.white.astype(float) - measurement.dark)
         start = mirror_start(setup.folder, *given, signal, turned(coordinates.mask))
-        lab = lab_scene(setup.folder, start, *given, turned(coordinates.mask) & places.known, u_mm, v_mm, measurement.name)
+        lab = lab_scene(
+            setup.folder, start, *given, turned(coordinates.mask) & places.known, u_mm, v_mm, measurement.name
+        )
         scene = lab.scene
     assert scene is not None
     interruption.check()
@@ -122,6 +123,9 @@ def measure_sofast(
         assert bars is not None
         checks = _checks(found, measurement)
         facts = measured_facts(found.result, FRINGES, bars, checks, zernike)
+        if found.lab is not None:  # a facet is no disk: that terms of a disk cannot be told apart on it is no doubt
+            checks = [replace(check, level=OK) if check.name == "zernike terms" else check for check in checks]
+            facts["checks"] = check_facts(checks)
         refuse_bad(checks, strict)
     except ValueError as error:
         kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
@@ -198,7 +202,9 @@ def _write(folder: Path, found: SofastResult, facts: MeasuredFacts, bars: Any) -
 
     result = found.result
     points = result.setup.chief_rays.screen_model
-    in_frame = (points.to_world(result.centroid_x_mm, result.centroid_y_mm) - points.frame.position_mm) @ points.frame.axes.T
+    in_frame = (
+        points.to_world(result.centroid_x_mm, result.centroid_y_mm) - points.frame.position_mm
+    ) @ points.frame.axes.T
     maps = FringeMaps(found.coordinates, in_frame, found.stored)
     attributes = {
         "scene": result.nominal.to_toml(),
