@@ -30,7 +30,8 @@ def read_mask(path: Path, shape: tuple[int, int], orientation: str = "upright") 
         size = " x ".join(map(str, values.shape[::-1])) or "one value"
         lies = "" if orientation == "upright" else f", stored as camera.detector.orientation = {orientation!r} says"
         raise ValueError(
-            f"--mask = {str(path)!r}: has {size} pixels; must have the images' {columns} x {rows} (columns x rows{lies})"
+            f"--mask = {str(path)!r}: has {size} pixels; must have the images' "
+            f"{columns} x {rows} (columns x rows{lies})"
         )
     if values.dtype.kind == "f" and not np.isfinite(values).all():
         raise ValueError(f"--mask = {str(path)!r}: has values that are no numbers; must be 0 or another one value")

@@ -12,6 +12,7 @@ from irtscots_cl.scene.instrument import Screen
 from irtscots_cl.scene.validation import SceneError
 
 TABLE_NODES = 33  # along each axis, of the grid to which points without one are brought
+MIN_SPREAD = 1e-3  # of the places across the direction of their largest extent: less spans no area
 SAME_FRACTION = 1e-6  # of the screen: fractions that close are one row or column of a grid
 
 
@@ -110,10 +111,13 @@ def _measured(shape: Any, half: tuple[float, float], middle: tuple[float, float]
 
 def _on_grid(places: np.ndarray, moves: np.ndarray, interpolation: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coordinates u, v of a grid and the moves [3, u, v] there: the points' own grid, or one through their cloud."""
-    u, v = (_levels(places[:, k]) for k in (0, 1))
-    if len(u) * len(v) == len(places):
-        order = np.lexsort((places[:, 1], places[:, 0]))
-        return u, v, moves[order].T.reshape(3, len(u), len(v))
+    (u, of_u), (v, of_v) = (_levels(places[:, k]) for k in (0, 1))
+    cell = of_u * len(v) + of_v
+    if min(len(u), len(v)) > 1 and len(np.unique(cell)) == len(places) == len(u) * len(v):
+        return u, v, moves[np.argsort(cell)].T.reshape(3, len(u), len(v))
+    spread = np.linalg.svd(places - places.mean(0), compute_uv=False)
+    if not spread[1] > MIN_SPREAD * spread[0]:
+        raise SceneError("screen.shape.fractions: all places lie on a line; must span the screen in both directions")
     u, v = (np.linspace(places[:, k].min(), places[:, k].max(), TABLE_NODES) for k in (0, 1))
     grid = np.stack(np.meshgrid(u, v, indexing="ij"), -1).reshape(-1, 2)
     kernel = "linear" if interpolation == "linear" else "thin_plate_spline"
@@ -122,12 +126,13 @@ def _on_grid(places: np.ndarray, moves: np.ndarray, interpolation: str) -> tuple
     return u, v, found.T.reshape(3, len(u), len(v))
 
 
-def _levels(values: np.ndarray) -> np.ndarray:
-    """The different values, where those closer than SAME_FRACTION of the range count as one."""
-    ordered = np.sort(values)
-    gap = np.diff(ordered, prepend=-np.inf) > SAME_FRACTION * max(np.ptp(values), 1e-30)
-    groups = np.cumsum(gap) - 1
-    return np.bincount(groups, ordered) / np.bincount(groups)
+def _levels(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The different values, where those closer than SAME_FRACTION of the range count as one; which [n] each is."""
+    order = np.argsort(values)
+    gap = np.diff(values[order], prepend=-np.inf) > SAME_FRACTION * max(np.ptp(values), 1e-30)
+    groups = np.empty(len(values), np.int64)
+    groups[order] = np.cumsum(gap) - 1
+    return np.bincount(groups, values) / np.bincount(groups), groups
 
 
 def _check_unfolded(surface: ScreenSurface, half: tuple[float, float], middle: tuple[float, float]) -> None:
