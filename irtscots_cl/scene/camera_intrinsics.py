@@ -100,7 +100,7 @@ def check_intrinsics(
             must = f"be within a factor of 2 of {one}, the image distance over the pitch of the picture's pixels"
             refuse(("intrinsics", ("fx", "fy")[k]), focal, must)
     if intrinsics.is_distorted and (at := _fold(intrinsics, pixels, pitch_mm, image_distance_mm)):
-        must = f"be one-to-one in the image; it folds beyond {at}, towards pixel [{at.column:.0f}, {at.row:.0f}]"
+        must = f"be one-to-one in the image; it folds beyond {at}, towards pixel [{round(at.column)}, {round(at.row)}]"
         refuse(("intrinsics", "distortion"), intrinsics.distortion, must)
 
 
