@@ -106,14 +106,8 @@ def test_a_wrong_value_is_refused_with_key_value_and_what_is_allowed(key, value,
     ("table", "must"),
     [
         ({"image_size_px": [125, 124]}, "leave room for 125 rows of 1 pixels in a picture of 124"),
-        (
-            {"image_size_px": [249, 250], "binning": [2, 2]},
-            "leave room for 125 columns of 2 pixels in a picture of 249",
-        ),
-        (
-            {"image_size_px": [200, 200], "roi_px": [76, 0]},
-            "leave room for 125 columns of 1 pixels in a picture of 200",
-        ),
+        ({"image_size_px": [249, 250], "binning": [2, 2]}, "leave room for 125 columns of 2 pixels in a picture of 249"),
+        ({"image_size_px": [200, 200], "roi_px": [76, 0]}, "leave room for 125 columns of 1 pixels in a picture of 200"),
     ],
 )
 def test_a_region_outside_the_picture_is_refused(table, must):

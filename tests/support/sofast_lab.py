@@ -205,8 +205,10 @@ class Lab:
             file["SpatialOrientation/v_cam_screen_cam"] = seen[:, None]
             file["SpatialOrientation/optic_oriented"] = False
         corners = np.array([[1, -1, -1, 1], [-1, -1, 1, 1], [0, 0, 0, 0]]) * HALF + np.array(self.centre)[:, None]
-        table = {"v_facet_corners": dict(zip("xyz", corners.tolist(), strict=True)),
-                 "v_centroid_facet": {axis: [value] for axis, value in zip("xyz", self.centre, strict=True)}}  # fmt: skip
+        table = {
+            "v_facet_corners": dict(zip("xyz", corners.tolist(), strict=True)),
+            "v_centroid_facet": {axis: [value] for axis, value in zip("xyz", self.centre, strict=True)},
+        }
         (folder / "facet.json").write_text(json.dumps(table))
 
     def write_display(self, path, model, nodes=9):
