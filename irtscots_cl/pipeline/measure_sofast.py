@@ -82,8 +82,8 @@ def sofast_surface(
     Raises ValueError where images, files and scene do not fit.
     """
     stack = sofast_fringes(measurement, saturation)
-    mask = None if use is None else find_mask(stack) & use
-    coordinates = screen_coordinates(stack, mask=mask, response=setup.response)
+    mirror = find_mask(stack)
+    coordinates = screen_coordinates(stack, mask=mirror if use is None else mirror & use, response=setup.response)
     interruption.check()
     orientation = ORIENTATION if setup.scene is None else setup.scene.camera.detector.orientation
     axes = (coordinates.x, coordinates.y)
@@ -96,9 +96,8 @@ def sofast_surface(
     assert setup.folder is not None
     given = measurement.screen_distance_mm, measurement.point_mm
     signal = upright(measurement.white.astype(float) - measurement.dark, orientation)
-    seen = upright(coordinates.mask, orientation)
-    start = mirror_start(setup.folder, *given, signal, seen)
-    lab = lab_scene(setup.folder, start, *given, seen & places.known, u_mm, v_mm, measurement.name)
+    start = mirror_start(setup.folder, *given, signal, upright(mirror, orientation))
+    lab = lab_scene(setup.folder, start, *given, places.known, u_mm, v_mm, measurement.name)
     interruption.check()
     facet = polygon2mask(u_mm.shape, start.corners_px)
     return SofastResult(surface_from_places(places, lab.scene, aperture=False, mirror=facet), coordinates, lab)

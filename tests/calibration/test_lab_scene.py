@@ -54,6 +54,10 @@ def test_the_geometry_is_found(tmp_path, seen):
     np.testing.assert_allclose(curvature, LAB.curvature, rtol=0, atol=1e-5)  # 1 um of height at the rim
     assert scene.mirror.radius_mm == pytest.approx(2e3 / (LAB.curvature[0] + LAB.curvature[1]), rel=1e-3)
     assert parse_scene(scene.to_toml()) == scene
+    x, y, _ = np.multiply(LAB.measured, 1e3)
+    height = (x * x * lab.curvature_xx + y * y * lab.curvature_yy) / 2 + x * y * lab.curvature_xy
+    apart = np.linalg.norm(np.subtract(scene.screen.position_mm, [x, y, height]))
+    assert apart == pytest.approx(LAB.measured_distance() * 1e3, abs=1e-4)  # mm: as measured, whatever the outline says
 
 
 def test_camera_and_screen_stand_as_in_the_orientation_file(tmp_path, seen):

@@ -181,7 +181,7 @@ def write_sofast(path, **changes):
 
 def test_a_sofast_camera_is_read_as_opencv_reads_it(tmp_path):
     """OpenCV's functions take fx, fy, cx, cy of a matrix and nothing else: a file scaled as a whole, its last element
-    included, is of the small pictures (findings/opencv_storage.py)."""
+    included, is of the small pictures (findings/opencv-camera-files.sh)."""
     assert read_camera(write_sofast(tmp_path / "c.h5")) == CAMERA
 
 

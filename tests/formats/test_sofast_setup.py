@@ -147,3 +147,10 @@ def test_values_of_other_files_are_not_read(folder):
         file["Camera/distortion_coef"] = h5py.ExternalLink("display_distorted3D.h5", "DisplayShape/xy_screen_fraction")
     with pytest.raises(ValueError, match="Camera/distortion_coef: its values are in another file; must be in this one"):
         read_sofast_folder(folder)
+    with h5py.File(path, "a") as file:
+        del file["Camera/distortion_coef"]
+        layout = h5py.VirtualLayout((5,), "f8")
+        layout[:] = h5py.VirtualSource("other.h5", "x", (5,))
+        file.create_virtual_dataset("Camera/distortion_coef", layout)
+    with pytest.raises(ValueError, match="Camera/distortion_coef: its values are in another file; must be in this one"):
+        read_sofast_folder(folder)

@@ -141,6 +141,19 @@ def test_the_scene_that_was_found_measures_the_same(noisy, irtscots, tmp_path):
             np.testing.assert_allclose(one[name][()][both], other[name][()][both], rtol=0, atol=2e-6)
 
 
+def test_pixels_that_a_mask_leaves_out_are_not_used(clean, irtscots, tmp_path):
+    use = np.ones((ROWS, COLUMNS), np.uint8)
+    use[:, :50] = 0  # as the images lie in their file
+    np.save(tmp_path / "mask.npy", use)
+    arguments = ("--scene", clean.parent, "--out", tmp_path / "a", "--mask", tmp_path / "mask.npy")
+    code, _, err = irtscots("reconstruct", clean, *arguments)
+    assert code == 0, err
+    with h5py.File(tmp_path / "a" / "result.h5") as file:
+        mask = file["mask"][()]
+        assert mask.sum() > 1000 and not mask[:, :50].any()
+        assert np.isnan(file["screen/x_fraction"][()][:, :50]).all()
+
+
 def test_doubtful_files_are_named(clean, tmp_path):
     folder = tmp_path / "lab"
     folder.mkdir()

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 
-from irtscots_cl.formats.opencv_camera import OpenCvCamera, opencv_yaml
+from irtscots_cl.formats.opencv_camera import OpenCvCamera, opencv_yaml, read_camera
 from irtscots_cl.scene.camera_file import intrinsics_from, opencv_camera
+from irtscots_cl.scene.camera_intrinsics import Intrinsics
 from irtscots_cl.scene.presets import load_scene, parse_scene, preset_text
 from irtscots_cl.scene.validation import SceneError
 
@@ -39,6 +42,10 @@ def test_a_plain_camera_has_a_calibration_too():
     found = opencv_camera(camera)
     assert found.fx == found.fy == pytest.approx(camera.image_distance_mm / camera.detector.pitch_mm)
     assert (found.cx, found.cy, found.distortion, found.image_size_px) == (62.0, 62.0, (), (125, 125))
+    joined = dataclasses.replace(camera, intrinsics=Intrinsics(binning=(2, 3)))
+    found = opencv_camera(joined)
+    own = camera.image_distance_mm / camera.detector.pitch_mm
+    assert (found.fx, found.fy, found.image_size_px) == (pytest.approx(2 * own), pytest.approx(3 * own), (250, 375))
 
 
 @pytest.mark.parametrize(
@@ -69,3 +76,13 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
     path.write_text(path.read_text().replace('"lens/cal.yml"', "7"))
     with pytest.raises(SceneError, match="camera.intrinsics.file = 7: must be the path of a camera calibration"):
         load_scene(path)
+
+
+def test_a_scene_s_camera_is_printed_as_opencv_has_it(tmp_path, irtscots):
+    path = scene_file(tmp_path, CAMERA)
+    code, out, _ = irtscots("scenes", path, "--opencv")
+    assert code == 0 and out.startswith("%YAML:1.0\n")
+    (tmp_path / "again.yml").write_text(out)
+    assert dataclasses.replace(read_camera(tmp_path / "again.yml"), name="") == CAMERA
+    code, _, err = irtscots("scenes", "--opencv")
+    assert code == 2 and "--opencv: needs the NAME of a preset" in err
