@@ -25,10 +25,11 @@ def is_hdf5(path: Path) -> bool:
 
 
 def groups_of(path: Path) -> tuple[str, ...]:
-    """Names of the groups at the top of an HDF5 file; none for one that cannot be read."""
+    """Names of the groups at the top of an HDF5 file, in this file itself; none for one that cannot be read."""
     try:
         with h5py.File(path, "r") as file:
-            return tuple(name for name in file if file.get(name, getclass=True) is h5py.Group)
+            own = [name for name in file if isinstance(file.get(name, getlink=True), h5py.HardLink)]
+            return tuple(name for name in own if file.get(name, getclass=True) is h5py.Group)
     except (OSError, RuntimeError, KeyError):
         return ()
 
@@ -68,19 +69,22 @@ class GroupReader:
         return data
 
     def numbers(self, name: str, *shape: int | None, most: int = 2**16) -> FloatArray:
-        """Finite numbers of a shape, where None stands for any length; at most so many. Axes of length 1 may be more
-        or fewer than asked for."""
+        """Finite numbers of a shape, where None stands for any length; at most so many.
+
+        Axes of length 1 in the file may be more or fewer than asked for.
+        """
         data = self.dataset(name)
         asked = f"{'x'.join('n' if n is None else str(n) for n in shape) or 'one'} numbers"
+        asked += f", at most {most}" if None in shape else ""
         if data.dtype.kind not in "fiu" or data.shape is None or not 1 <= data.size <= most:
             found = "empty" if data.shape is None else f"of shape {list(data.shape)} and type {data.dtype}"
             raise self.problem(name, f"{found}; must be {asked}")
         lengths, wanted = ([n for n in sizes if n != 1] for sizes in (data.shape, shape))
+        if len(lengths) < len(wanted):  # an axis of any length may have the length 1
+            wanted = [n for n in wanted if n is not None]
         if len(lengths) != len(wanted) or any(a is not None and a != b for a, b in zip(wanted, lengths, strict=True)):
             raise self.problem(name, f"of shape {list(data.shape)}; must be {asked}")
-        values: FloatArray = np.asarray(data[()], float).reshape(
-            [1 if n == 1 else -1 if n is None else n for n in shape]
-        )
+        values: FloatArray = np.asarray(data[()], float).reshape([-1 if n is None else n for n in shape])
         if not np.isfinite(values).all():
             raise self.problem(name, "holds a value that is no finite number")
         return values
