@@ -72,11 +72,11 @@ MEANINGS = (
         "middle; X = u, Y = v",
         "fractions": "places on the grid, along +u and +v, that the points of `points_mm` are of",
         "points_mm": "where those places are; beyond them the screen goes on straight",
-        "interpolation": "between the points; `smooth`: a cubic spline through a rectangular grid of them, a thin plate "
-        "through others",
+        "interpolation": "between the points; `smooth`: a cubic spline through a rectangular grid of them, a thin "
+        "plate through others",
     }),
-    ("[screen.cover_glass]", CoverGlass, "A plane-parallel plate on the pixels, towards the mirror; on a bent screen it "
-     "follows the shape. It moves rays; `radiance` is that outside of it.", {
+    ("[screen.cover_glass]", CoverGlass, "A plane-parallel plate on the pixels, towards the mirror; on a bent screen "
+     "it follows the shape. It moves rays; `radiance` is that outside of it.", {
         "thickness_mm": "of the plate",
         "index": "refractive index",
     }),
@@ -127,8 +127,8 @@ MEANINGS = (
         "`electrons_at_peak`",
         "quantum_efficiency": "electrons per photon",
         "wavelength_nm": "of the light, to turn energy into photons",
-        "quantum_efficiency_map": "response [rows, columns] of the upright grid's pixels, relative to the nominal one; a path "
-        "relative to this file",
+        "quantum_efficiency_map": "response [rows, columns] of the upright grid's pixels, relative to the nominal one; "
+        "a path relative to this file",
         "prnu": "photo-response non-uniformity: relative rms of the pixels' response",
         "dead_pixel_share": "chance of a pixel to respond to no light",
         "shot_noise": "Poisson statistics of the electrons, of light and dark current",

@@ -14,7 +14,7 @@ def line_edges(first: IntArray | FloatArray, count: int, line_width: float) -> F
     """
     edges: FloatArray
     if line_width == 1.0:
-        edges = np.asarray(first, float)[:, None] + np.arange(count + 1) - 0.5
+        edges = np.asarray(first, np.float64)[:, None] + np.arange(count + 1, dtype=np.float64) - 0.5
         return edges
     lines = first[:, None] + np.arange(count)
     edges = np.stack([lines - line_width / 2, lines + line_width / 2], -1).reshape(len(first), -1)
