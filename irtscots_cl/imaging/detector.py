@@ -177,7 +177,8 @@ def expose(stack: ImageStack, noise: DetectorNoise, response: ScreenResponse | N
     level = 1.0 if response is None else response.level
     per_w = electrons_per_w(noise, peak_w(stack) * level)
     dark = dark_image(noise, pixels)
-    return ImageStack(*(_exposed(scan, noise, response, pixels, per_w, dark) for scan in (stack.x, stack.y)))
+    x, y = (_exposed(scan, noise, response, pixels, per_w, dark) for scan in (stack.x, stack.y))
+    return ImageStack(x, y)
 
 
 def _exposed(

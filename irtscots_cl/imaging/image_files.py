@@ -33,7 +33,8 @@ def read_images(path: Path, scene: Scene | None = None) -> ImageStack:
         raise ValueError(f"{path}: not a readable HDF5 file: {why}")
     try:
         with h5py.File(path, "r") as file:
-            return ImageStack(*(_read_scan(file, path, axis, scene) for axis in ("x", "y")))
+            x, y = (_read_scan(file, path, axis, scene) for axis in ("x", "y"))
+            return ImageStack(x, y)
     except (OSError, RuntimeError, KeyError) as error:  # h5py raises any of them for broken files and endless links
         raise ValueError(f"{path}: not a readable HDF5 file: {str(error.args[0]).splitlines()[0]}") from None
 

@@ -58,7 +58,7 @@ def _values(path: Path) -> np.ndarray:
         if kind in HDF5:
             values = _of_hdf5(path)
         elif kind == ".npy":
-            values = np.load(path, allow_pickle=False, mmap_mode="r")
+            values = np.lib.format.open_memmap(path, mode="r")  # refuses objects, which could run code
         elif kind in PICTURES:
             values = _of_picture(path)
         else:
@@ -89,12 +89,13 @@ def _of_hdf5(path: Path) -> np.ndarray:
 def _of_picture(path: Path) -> np.ndarray:
     from PIL import Image
 
-    with Image.open(path) as picture:
-        if picture.mode == "P":  # numbers of colours: 0 need not be black
-            picture = picture.convert("RGB")
-        if picture.width * picture.height > MAX_VALUES:
-            raise ValueError(f"has {picture.width} x {picture.height} pixels")
+    with Image.open(path) as opened:
+        if opened.width * opened.height > MAX_VALUES:
+            raise ValueError(f"has {opened.width} x {opened.height} pixels")
+        # of numbered colours 0 need not be black
+        picture: Image.Image = opened.convert("RGB") if opened.mode == "P" else opened
         bands = [band for band in picture.getbands() if band != "A"]
         if len(bands) < len(picture.getbands()) or len(bands) > 1:
-            return np.max([np.asarray(picture.getchannel(band)) for band in bands], axis=0)
+            brightest: np.ndarray = np.max([np.asarray(picture.getchannel(band)) for band in bands], axis=0)
+            return brightest
         return np.asarray(picture)

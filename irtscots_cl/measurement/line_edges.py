@@ -12,11 +12,13 @@ def line_edges(first: IntArray | FloatArray, count: int, line_width: float) -> F
 
     line_width: in distances of the lines. [n, count + 1] for lines that touch; else [n, 2 count], each line's own two.
     """
+    edges: FloatArray
     if line_width == 1.0:
-        edges: FloatArray = first[:, None] + np.arange(count + 1) - 0.5
+        edges = np.asarray(first, np.float64)[:, None] + np.arange(count + 1, dtype=np.float64) - 0.5
         return edges
     lines = first[:, None] + np.arange(count)
-    return np.stack([lines - line_width / 2, lines + line_width / 2], -1).reshape(len(first), -1)
+    edges = np.stack([lines - line_width / 2, lines + line_width / 2], -1).reshape(len(first), -1)
+    return edges
 
 
 def on_lines(between: FloatArray, line_width: float) -> FloatArray:

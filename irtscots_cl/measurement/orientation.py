@@ -66,8 +66,9 @@ def best_orientation(
     if here <= best + SIMILAR:
         return Orientation(here, best, (), (), tuple(words for count, _, words, _ in similar if count))
     simplest = [entry[2:] for entry in similar if entry[0] == similar[0][0]][:MAX_NAMES]
-    alike = [words for _, _, words, _ in similar if words not in {name for name, _ in simplest}]
-    return Orientation(here, best, *zip(*simplest, strict=True), tuple(alike))
+    names = tuple(words for words, _ in simplest)
+    alike = tuple(words for _, _, words, _ in similar if words not in names)
+    return Orientation(here, best, names, tuple(image for _, image in simplest), alike)
 
 
 def _misfit(x: FloatArray, y: FloatArray, design_mm: list[FloatArray]) -> float:

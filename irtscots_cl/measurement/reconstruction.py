@@ -181,9 +181,7 @@ def reconstruct(
     if estimates is None and light_curve in SIGNED:
         estimates = estimate_centroids(stack, setup, light_curve)
     centroid_x, centroid_y, flags = _both_scans(setup, stack, light_curve, threshold, estimates)
-    on_mirror = chief.footprint.coverage >= min_coverage
-    if stack.use is not None:
-        on_mirror = on_mirror & stack.use
+    on_mirror = (chief.footprint.coverage >= min_coverage) & (True if stack.use is None else stack.use)
     mask = on_mirror & (flags == Flag.GOOD)
     _check_enough(setup.scene.name, on_mirror, mask, flags)
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(setup))

@@ -89,7 +89,7 @@ class MeasuredPoints:
             twist, (beyond_u, beyond_v) = self.spline(place, nu=(1, 1)), beyond
             by_u = by_u + np.where(beyond_u == 0, beyond_v, 0.0)[..., None] * twist
             by_v = by_v + np.where(beyond_v == 0, beyond_u, 0.0)[..., None] * twist
-        return by_u + [1.0, 0.0, 0.0], by_v + [0.0, 1.0, 0.0]
+        return by_u + np.array([1.0, 0.0, 0.0]), by_v + np.array([0.0, 1.0, 0.0])
 
     def _placed(self, u_mm, v_mm) -> tuple[list[np.ndarray], np.ndarray, list[np.ndarray]]:
         """u, v; the nearest places [..., 2] that the points cover; how far u, v are beyond those."""

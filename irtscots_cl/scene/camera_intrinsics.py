@@ -129,7 +129,7 @@ def _fold(intrinsics: Intrinsics, pixels: tuple[int, int], pitch_mm: float, imag
 
 
 def _fold_towards(goal: tuple[float, float], coefficients: lens_distortion.Coefficients) -> float | None:
-    """Radius of the last place before a fold, on the way from the principal point to what the lens moves to the goal."""
+    """Radius of the last place before a fold, on the way from the principal point to what the lens puts at the goal."""
     x = y = 0.0
     for step in range(1, PATH_STEPS + 1):
         before, share = (x, y), step / PATH_STEPS
@@ -140,8 +140,8 @@ def _fold_towards(goal: tuple[float, float], coefficients: lens_distortion.Coeff
                     return math.hypot(*before)
             # the way there too: a step may lead over a fold to where the image has turned twice
             for part in range(1, BETWEEN + 1):
-                place = [a + (b - a) * part / BETWEEN for a, b in zip(before, (x, y), strict=True)]
-                xx, xy, yy = lens_distortion.distortion_matrix(*place, coefficients)
+                at_x, at_y = (a + (b - a) * part / BETWEEN for a, b in zip(before, (x, y), strict=True))
+                xx, xy, yy = lens_distortion.distortion_matrix(at_x, at_y, coefficients)
                 if not xx * yy - xy * xy > MIN_DETERMINANT:
                     return math.hypot(*before)
             at = lens_distortion.distort(x, y, coefficients)

@@ -1,4 +1,4 @@
-"""A lens's distortion: numbers worked out as fractions from OpenCV's formula, its derivatives, and the y axis turned."""
+"""A lens's distortion: numbers worked out from OpenCV's formula, its derivatives, and the y axis turned."""
 
 from __future__ import annotations
 

@@ -88,7 +88,9 @@ def test_the_chief_rays_go_where_the_image_points_say():
 @pytest.mark.parametrize("pixels", [(80, 60), (4000, 3000)])
 def test_pixels_come_back_to_1e_10(distortion, pixels):
     pitch = 4.0 / pixels[0]
-    own = camera(pixels, pitch, Intrinsics(distortion=distortion, principal_point_px=(pixels[0] * 0.52, pixels[1] * 0.45)))
+    own = camera(
+        pixels, pitch, Intrinsics(distortion=distortion, principal_point_px=(pixels[0] * 0.52, pixels[1] * 0.45))
+    )
     model = CameraModel.of(own)
     row, column = (v + 0.37 for v in grid(pixels, pixels[0] // 40))
     back = model.pixel(*model.image_point(row, column))

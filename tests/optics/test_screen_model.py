@@ -99,7 +99,7 @@ def test_a_ray_that_misses_a_bent_screen_lights_nothing():
     in_frame = of.frame.axes
     sideways = in_frame[1] + 1e-9 * in_frame[2]  # along v, past its open side
     u, v = of.arrive(of.frame.position_mm - 500.0 * in_frame[2], sideways)
-    assert np.isnan(u) and np.isnan(v) or abs(v) > 1e6
+    assert (np.isnan(u) and np.isnan(v)) or abs(v) > 1e6
 
 
 # --- exact geometry -----------------------------------------------------------------------------------------
@@ -180,7 +180,7 @@ def test_glass_on_a_tilted_plane_is_that_of_the_tilted_plane():
     slope = 0.2
     of = model(ScreenShape(sag_mm=((1, 0, slope * HALF[0]),)), CoverGlass(thickness_mm=2.0, index=1.5))
     bare = model(ScreenShape(sag_mm=((1, 0, slope * HALF[0]),)))
-    x_axis, y_axis, z_axis = of.frame.axes
+    x_axis, _, z_axis = of.frame.axes
     normal = (z_axis - slope * x_axis) / np.hypot(1, slope)
     tangent = (x_axis + slope * z_axis) / np.hypot(1, slope)
     for degrees in (-30.0, 0.0, 40.0):

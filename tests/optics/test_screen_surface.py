@@ -180,7 +180,9 @@ def test_a_screen_stretched_and_turned_a_little_is_not_folded():
     screen_surface(screen(shape_of(fx, fy, points)))
 
 
-@pytest.mark.parametrize("line", [(np.full(5, 0.3), np.linspace(0, 1, 5)), (np.linspace(0, 1, 6), np.linspace(0, 1, 6))])
+@pytest.mark.parametrize(
+    "line", [(np.full(5, 0.3), np.linspace(0, 1, 5)), (np.linspace(0, 1, 6), np.linspace(0, 1, 6))]
+)
 def test_places_on_a_line_are_refused(line):
     text = folded(shape_of(*line, np.stack([20 * line[0], 18 * line[1]], -1)))
     assert text == "screen.shape.fractions: all places lie on a line; must span the screen in both directions"

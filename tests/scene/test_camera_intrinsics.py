@@ -106,8 +106,14 @@ def test_a_wrong_value_is_refused_with_key_value_and_what_is_allowed(key, value,
     ("table", "must"),
     [
         ({"image_size_px": [125, 124]}, "leave room for 125 rows of 1 pixels in a picture of 124"),
-        ({"image_size_px": [249, 250], "binning": [2, 2]}, "leave room for 125 columns of 2 pixels in a picture of 249"),
-        ({"image_size_px": [200, 200], "roi_px": [76, 0]}, "leave room for 125 columns of 1 pixels in a picture of 200"),
+        (
+            {"image_size_px": [249, 250], "binning": [2, 2]},
+            "leave room for 125 columns of 2 pixels in a picture of 249",
+        ),
+        (
+            {"image_size_px": [200, 200], "roi_px": [76, 0]},
+            "leave room for 125 columns of 1 pixels in a picture of 200",
+        ),
     ],
 )
 def test_a_region_outside_the_picture_is_refused(table, must):
@@ -148,7 +154,8 @@ def limit_of(distortion) -> tuple[float, float]:
 
 RADIAL = [
     [-30.0, 0.0, 0.0, 0.0], [10.0, -4000.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, -5e5],
-    [20.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9e5], [-40.0, 3000.0, 0.0, 0.0, -2.5e5], [0.0, 0.0, 0.0, 0.0, 0.0, -60.0, 0.0, 0.0],
+    [20.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9e5], [-40.0, 3000.0, 0.0, 0.0, -2.5e5],
+    [0.0, 0.0, 0.0, 0.0, 0.0, -60.0, 0.0, 0.0],
 ]  # fmt: skip
 
 

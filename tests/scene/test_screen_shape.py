@@ -11,6 +11,8 @@ from refusals import BASE, changed, refusal
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.screen_shape import CoverGlass, ScanLines, ScreenShape
 
+THREE = [[-2.0, -2.0], [2.0, -2.0], [-2.0, 2.0]]
+CORNERS = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
 FOUR = {"fractions": [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]],
         "points_mm": [[-2.0, -2.0], [2.0, -2.0], [-2.0, 2.0], [2.0, 2.0]]}  # fmt: skip
 
@@ -82,10 +84,10 @@ def test_only_whole_lines_count(pixels, lines, count):
         ("shape", {**FOUR, "fractions": FOUR["fractions"][:3]}, "fractions", "3 places", "be as many as points_mm (4)"),
         ("shape", {"fractions": FOUR["fractions"]}, "sag_mm", "[]", "be given, or points_mm"),
         ("shape", {k: v[:3] for k, v in FOUR.items()}, "points_mm", "3 points", "be 4 to 4096 points"),
-        ("shape", {**FOUR, "points_mm": [*FOUR["points_mm"][:3], [2.0, 2.0, 0.1]]}, "points_mm", "mixed", "all be [x, y]"),
-        ("shape", {**FOUR, "fractions": [*FOUR["fractions"][:3], [0.0, 1.0]]}, "fractions", "[0.0, 1.0]", "be given once"),
-        ("shape", {**FOUR, "fractions": [*FOUR["fractions"][:3], [2.5, 1.0]]}, "fractions", "", "0 to 1 across the pixel grid"),
-        ("shape", {**FOUR, "points_mm": [*FOUR["points_mm"][:3], [math.inf, 1.0]]}, "points_mm", "", "finite numbers"),
+        ("shape", {**FOUR, "points_mm": [*THREE, [2.0, 2.0, 0.1]]}, "points_mm", "mixed", "all be [x, y]"),
+        ("shape", {**FOUR, "fractions": [*CORNERS, [0.0, 1.0]]}, "fractions", "[0.0, 1.0]", "be given once"),
+        ("shape", {**FOUR, "fractions": [*CORNERS, [2.5, 1.0]]}, "fractions", "", "0 to 1 across the pixel grid"),
+        ("shape", {**FOUR, "points_mm": [*THREE, [math.inf, 1.0]]}, "points_mm", "", "finite numbers"),
         ("shape", {**FOUR, "interpolation": "cubic"}, "interpolation", "'cubic'", "be smooth or linear"),
         ("shape", {"radius_mm": 5.0}, "radius_mm", "", "unknown key"),
         ("cover_glass", {}, "thickness_mm", "", "missing"),
@@ -97,7 +99,7 @@ def test_only_whole_lines_count(pixels, lines, count):
         ("lines", {"step_px": 1.5}, "step_px", "1.5", "an integer from 1"),
         ("lines", {"width_px": 0}, "width_px", "0", "an integer from 1"),
         ("lines", {"first_px": -1}, "first_px", "-1", "an integer from 0"),
-        ("lines", {"step_px": 11}, "step_px", "11", "leave at least three whole lines of 1 pixels on the 21 of the x scan"),
+        ("lines", {"step_px": 11}, "step_px", "11", "three whole lines of 1 pixels on the 21 of the x scan"),
         ("lines", {"width_px": 20}, "step_px", "1", "leave at least three whole lines of 20 pixels"),
         ("lines", {"first_px": 19}, "step_px", "1", "leave at least three whole lines"),
     ],
