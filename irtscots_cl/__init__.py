@@ -53,6 +53,7 @@ _PUBLIC = {
     "error_bars": "measurement.error_bars",
     "error_terms": "analysis.error_terms",
     "estimate_centroids": "measurement.scan_estimates",
+    "identify": "calibration.identification",
     "integrate_slopes": "maths.integration",
     "load_scene": "scene.presets",
     "measure_by": "measurement.methods",
@@ -77,6 +78,7 @@ if TYPE_CHECKING:
     from irtscots_cl.analysis.comparison import compare as compare
     from irtscots_cl.analysis.error_terms import error_terms as error_terms
     from irtscots_cl.analysis.stray_light import stray_light as stray_light
+    from irtscots_cl.calibration.identification import identify as identify
     from irtscots_cl.execution.checkpoint import Checkpoints as Checkpoints
     from irtscots_cl.execution.checkpoint import Interrupted as Interrupted
     from irtscots_cl.imaging.fringes import FringeScan as FringeScan

@@ -26,23 +26,29 @@ from irtscots_cl.scene.validation import SceneName, checked, nearest, problem, r
 
 VIEW_RINGS, VIEW_ANGLES = 4, 32  # of the mirror, where it is looked for in a device's view
 MAX_ELEMENTS = 16  # besides the scene's own: all events of an element fit six bits of a path
-# Tables that few scenes have, of the screen, the camera and its detector.
-OPTIONAL_TABLES = (("response", "shape", "cover_glass", "lines"), ("intrinsics",), ("noise",))
+# Tables that few scenes have, of the screen, the camera, its detector, and the scene itself.
+OPTIONAL_TABLES = (("response", "shape", "cover_glass", "lines"), ("intrinsics",), ("noise",), ("calibration",))
 ZERNIKE_KEYS = {"noll_um": "noll", "fringe_um": "fringe", "osa_um": "osa"}
 
 
 @checked("scene")
 class Scene:
-    """One test: the mirror, the screen, the camera and further elements."""
+    """One test: the mirror, the screen, the camera and further elements.
+
+    calibration: a calibration_known.Calibration, or None where nothing is said of how well the geometry is known.
+    """
 
     name: SceneName
     mirror: Annotated[Mirror, Field(description="a table [mirror]")]
     screen: Annotated[Screen, Field(description="a table [screen]")]
     camera: Annotated[Camera, Field(description="a table [camera]")]
     element: Annotated[tuple[Element, ...], Field(description="tables [[element]]")] = ()
+    calibration: Annotated[Any, Field(description="a table [calibration.known]")] = None
 
     @model_validator(mode="after")
     def _check(self) -> Scene:
+        if self.calibration is not None and not hasattr(self.calibration, "known"):
+            refuse(("calibration",), self.calibration, "be a Calibration of irtscots_cl.scene.calibration_known")
         names = [element.name for element in self.element]
         for k, name in enumerate(names):
             if name in names[:k]:
@@ -125,7 +131,7 @@ def _has_optional_tables(data: dict[str, Any]) -> bool:
     detector = camera.get("detector") if isinstance(camera, dict) else None
     return any(
         isinstance(table, dict) and any(key in table for key in keys)
-        for table, keys in zip((screen, camera, detector), OPTIONAL_TABLES, strict=True)
+        for table, keys in zip((screen, camera, detector, data), OPTIONAL_TABLES, strict=True)
     )
 
 

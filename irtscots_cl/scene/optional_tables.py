@@ -20,6 +20,7 @@ KINDS = {  # path of keys -> (module of irtscots_cl.scene, its checked dataclass
     ("screen", "shape"): ("screen_shape", "ScreenShape"),
     ("screen", "cover_glass"): ("screen_shape", "CoverGlass"),
     ("screen", "lines"): ("screen_shape", "ScanLines"),
+    ("calibration",): ("calibration_known", "Calibration"),
 }
 FILES = ("quantum_efficiency_map", "brightness_map")  # keys whose value is a path
 _adapter = functools.cache(TypeAdapter)
