@@ -148,20 +148,17 @@ def zernike_power_dtype(real, coefficients: int) -> np.dtype:
 
 
 def scene_dtype(real, mirror: np.dtype, zernike: np.dtype | None) -> np.dtype:
-    """The values of the scene that are the same for all rays."""
+    """The values of the scene that are the same for all rays.
+
+    Pitches (x, y) of the detector are those at the image distance. detector_left, detector_top: what turns image points
+    over the pitch into pixels from the detector's first edges; screen_left, screen_top: the same for the screen.
+    """
     names = (
-        "screen_pitch",
-        "inverse_screen_pitch",
-        "screen_left",
-        "screen_top",
-        "aperture_radius",
-        "aperture_radius2",
-        "inverse_focal_length",
-        "inverse_focus",
-        "image_distance",
-        "inverse_image_distance",
-        "detector_pitch",
-        "inverse_detector_pitch",
+        *("screen_pitch_x", "screen_pitch_y", "inverse_screen_pitch_x", "inverse_screen_pitch_y"),
+        *("screen_left", "screen_top", "aperture_radius", "aperture_radius2"),
+        *("inverse_focal_length", "inverse_focus", "image_distance", "inverse_image_distance"),
+        *("detector_pitch_x", "detector_pitch_y", "inverse_detector_pitch_x", "inverse_detector_pitch_y"),
+        *("detector_left", "detector_top"),
     )
     return np.dtype(
         [("mirror", mirror), ("screen", frame_dtype(real)), ("camera", frame_dtype(real))]

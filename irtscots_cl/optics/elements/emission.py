@@ -141,9 +141,11 @@ class _Outside:
 
     def _in_field(self, along: np.ndarray) -> np.ndarray:
         """Whether light of these directions comes to the camera from the front, near the field of its detector."""
-        frame, camera = self.chief.camera_frame, self.chief.scene.camera
+        frame, camera, model = self.chief.camera_frame, self.chief.scene.camera, self.chief.camera_model
         local = along @ frame.axes.T
-        half = float(np.hypot(*camera.detector.pixels)) * camera.detector.pitch_mm / 2
+        pixels = np.array(camera.detector.pixels)
+        off_axis = np.abs(model.centre[::-1] - (pixels - 1) / 2)  # the detector's middle, in pixels
+        half = float(np.hypot(*((pixels / 2 + off_axis) * model.pitch_mm)))
         reach = (half + camera.aperture_diameter_mm) / (camera.detector_distance_mm or camera.image_distance_mm)
         return (local[..., 2] > 0) & (np.hypot(local[..., 0], local[..., 1]) <= FIELD * reach * local[..., 2])
 

@@ -80,6 +80,10 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
         "mirror": "deviated" if deviation is not None else "nominal",
         "arrival": "compensated" if _is_slight(surface, precision) else "plain",
         "aperture": "annulus" if annular else "disk",
+        "frame": "turned" if chief.screen_frame.axes[0, 1] or chief.camera_frame.axes[0, 1] else "upright",
+        "camera": "plain",
+        "screen": "flat",
+        "glass": "none",
     }
     return Packed(choices, structs, constants, scene)
 
@@ -138,25 +142,30 @@ def _fill_frame(out: np.ndarray, frame: Frame) -> None:
 
 
 def _fill_devices(out: np.ndarray, chief: ChiefRays) -> None:
-    screen, camera = chief.scene.screen, chief.scene.camera
-    edge = np.array(screen.pixels) / 2 - np.array(screen.centre_offset_mm) / screen.pitch_mm
+    screen, camera, model = chief.scene.screen, chief.scene.camera, chief.camera_model
+    pitch, of_pixels = np.array(screen.pitch_xy_mm), np.array(model.pitch_mm)
+    shift = np.array(model.shift) * model.image_distance_mm  # from an image point seen from the aperture's centre
+    centre = np.array(model.centre[::-1]) if model.is_distorted else model.centre[::-1] + shift / of_pixels
     values = {
-        "screen_pitch": screen.pitch_mm,
-        "inverse_screen_pitch": 1 / screen.pitch_mm,
-        "screen_left": edge[0],
-        "screen_top": edge[1],
+        "screen_pitch": pitch,
+        "inverse_screen_pitch": 1 / pitch,
+        "detector_pitch": of_pixels,
+        "inverse_detector_pitch": 1 / of_pixels,
+    }
+    pairs = {f"{name}_{axis}": value for name, both in values.items() for axis, value in zip("xy", both, strict=True)}
+    pairs["screen_left"], pairs["screen_top"] = np.array(screen.pixels) / 2 - np.array(screen.centre_offset_mm) / pitch
+    pairs["detector_left"], pairs["detector_top"] = centre + 0.5
+    for name, value in {
         "aperture_radius": camera.aperture_diameter_mm / 2,
         "aperture_radius2": (camera.aperture_diameter_mm / 2) ** 2,
         "inverse_focal_length": 1 / camera.focal_length_mm,
         "inverse_focus": 1 / camera.focus_mm,
         "image_distance": camera.image_distance_mm,
         "inverse_image_distance": 1 / camera.image_distance_mm,
-        "detector_pitch": camera.detector.pitch_mm,
-        "inverse_detector_pitch": 1 / camera.detector.pitch_mm,
         "detector_columns": camera.detector.pixels[0],
         "detector_rows": camera.detector.pixels[1],
-    }
-    for name, value in values.items():
+        **pairs,
+    }.items():
         out[name] = value
 
 

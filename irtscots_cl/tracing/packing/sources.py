@@ -43,8 +43,8 @@ def line_receivers(setup: Setup, visible_pixels: np.ndarray, origins: np.ndarray
     out = np.zeros(len(visible_pixels), line_receiver_dtype(real))
     out["start"] = receivers(chief, visible_pixels, origins, precision)
     index = np.searchsorted(light.pixels, visible_pixels)  # light is of all pixels that see the mirror
-    radius, pitch = chief.scene.camera.aperture_diameter_mm / 2, chief.scene.screen.pitch_mm
-    for k, output in enumerate("uv"):
+    radius = chief.scene.camera.aperture_diameter_mm / 2
+    for k, (output, pitch) in enumerate(zip("uv", chief.scene.screen.pitch_xy_mm, strict=True)):
         chord = light.chord(output)
         values = (*chord.normal, chord.slope / pitch / radius, chord.bend / pitch / radius**2, chord.growth / radius,
                   *(chord.mirror / radius))  # fmt: skip
