@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irtscots_cl.optics.aim import Aim, covering_ellipses, half_diagonal, pixel_centres
+from irtscots_cl.optics.aim import Aim, covering_ellipses
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.elements.components import Component
 from irtscots_cl.optics.elements.walk import distance_to, walk
+from irtscots_cl.optics.screen_facets import ScreenFacets, pixel_centres
 
 FIRST_RING, RING_GROWTH = 2e-4, 1.5  # relative distance beyond the mirror's cone, of rings of directions
 RINGS, SPOKES = 30, 24
@@ -192,7 +193,7 @@ def _to_element(chief: ChiefRays, component: Component) -> Aim | None:
     """Ellipses that cover an element. None: hardly less than the half space, as if it reaches to the screen's plane."""
     rim = _rim(component) if component.name != "stop" else component.inner_mm / component.outer_mm * _rim(component)
     x, y = pixel_centres(chief)
-    frame, half_pixel, points = chief.screen_frame, half_diagonal(chief.scene.screen), _on_surface(component, rim)
+    frame, half_pixel, points = chief.screen_frame, ScreenFacets.of(chief).half_diagonal, _on_surface(component, rim)
     centre, root = np.empty((len(x), 2)), np.empty((len(x), 2, 2))
     try:
         with np.errstate(invalid="ignore", divide="ignore"):
