@@ -47,9 +47,9 @@ LAUNCH = np.dtype(
 
 
 def facet_dtype(real) -> np.dtype:
-    """The plane of a pixel of a bent screen, in the world: its centre, its sides along u and v, and axes of its plane.
+    """The plane of a pixel of a bent screen, in the world: its centre, its edges along u and v, and axes of its plane.
 
-    axis_z is the normal away from the mirror. Lengths in mm.
+    axis_z is the normal away from the mirror. Edges are as seen through a cover glass. Lengths in mm.
     """
     names = ("point", "pixel_x", "pixel_y", "axis_x", "axis_y", "axis_z")
     return np.dtype([(name, real, 3) for name in names], align=True)

@@ -165,7 +165,8 @@ def _landing(chief: ChiefRays, margin_mm: float) -> tuple[np.ndarray, np.ndarray
     corners = np.stack(chief.corners[1:], -1)
     four = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]])
     spread = np.linalg.norm(four - centre, axis=-1).max(0)
-    known = np.isfinite(linear).all((-1, -2)) & (np.abs(np.linalg.det(linear)) > 0)
+    with np.errstate(invalid="ignore"):  # of pixels whose rays miss the surface
+        known = np.isfinite(linear).all((-1, -2)) & (np.abs(np.linalg.det(linear)) > 0)
     to_aperture = np.linalg.inv(np.where(known[..., None, None], linear, np.eye(2)))
     reach = 1 + np.linalg.norm(to_aperture, 2, axis=(-2, -1)) * (margin_mm + spread + left)
     return centre, to_aperture, np.where(known, reach, np.nan)

@@ -16,7 +16,8 @@ class ScreenFacets:
     """Of the screen's pixels, row by row [n].
 
     u, v: their places on the grid. axes: [3, 3] of all of them, or [n, 3, 3]: rows x (along the grid's u), y, z (the
-    normal away from the mirror). side_u, side_v: [n, 3] edges, or None for a flat screen.
+    normal away from the mirror; behind a glass that of where they seem to be from the mirror's vertex). side_u, side_v:
+    [n, 3] edges, or None for a flat screen.
     """
 
     chief: ChiefRays
@@ -31,11 +32,12 @@ class ScreenFacets:
         u, v = pixel_centres(chief)
         if chief.screen_model.surface is None:
             return cls(chief, u, v, chief.screen_frame.axes)
-        along_u, along_v = chief.screen_model.tangents(u, v)
+        along_u, along_v = chief.screen_model.tangents(*chief.screen_model.seen_places(np.zeros(3), u, v))
         normal = np.cross(along_u, along_v)
         x, z = (vector / np.linalg.norm(vector, axis=-1, keepdims=True) for vector in (along_u, normal))
-        pitch = chief.scene.screen.pitch_xy_mm
-        return cls(chief, u, v, np.stack([x, np.cross(z, x), z], 1), pitch[0] * along_u, pitch[1] * along_v)
+        sides = (p * along for p, along in zip(chief.scene.screen.pitch_xy_mm, chief.screen_model.tangents(u, v),
+                                               strict=True))  # fmt: skip
+        return cls(chief, u, v, np.stack([x, np.cross(z, x), z], 1), *sides)
 
     @property
     def is_flat(self) -> bool:
@@ -77,24 +79,21 @@ class ScreenFacets:
             at, normals = self.chief.screen_frame.position_mm[None], normals[None]
         return bool((points @ normals.T - np.sum(at * normals, -1) < 0).all())
 
-    def areas(self, directions: np.ndarray) -> np.ndarray:
-        """Areas [n] in mm^2 of the pixels, as their light in directions [n, 3] has them.
+    def seen_sides(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Edges [n, 3] of a bent screen's pixels along u and v, as light in directions [n, 3] has them.
 
-        That is the projected area over the cosine to the pixel's normal: the pixel's own area, but on a bent screen
-        behind glass that of the image that the glass makes of it.
+        Behind a glass these are the edges of the image that the glass makes of the pixel: a part of the screen that
+        bends towards the viewer is seen larger.
         """
-        if self.side_u is None or self.side_v is None:
-            return np.full(len(self.u), self.chief.scene.screen.pixel_area_mm2)
-        area = np.linalg.norm(np.cross(self.side_u, self.side_v), axis=-1)
+        assert self.side_u is not None and self.side_v is not None
         if self.chief.screen_model.glass is None:
-            return area
+            return self.side_u, self.side_v
         steps = [p * STEP for p in self.chief.scene.screen.pitch_xy_mm]
         sides = []
         for by_u, by_v in ((steps[0], 0.0), (0.0, steps[1])):
             ends = [self._image(self.u + s * by_u, self.v + s * by_v, directions) for s in (-1, 1)]
             sides.append((ends[1] - ends[0]) / (2 * STEP))
-        own, seen = (np.sum(np.cross(a, b) * directions, -1) for a, b in ((self.side_u, self.side_v), sides))
-        return area * seen / own
+        return sides[0], sides[1]
 
     def _image(self, u: np.ndarray, v: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """World points [n, 3] from where light of the places (u, v) [n] seems to come behind the glass."""

@@ -148,7 +148,7 @@ def _parts(chief: ChiefRays, visible_pixels: np.ndarray) -> tuple[np.ndarray, np
     size, pitch = np.array(screen.pixels)[:, None], np.array(screen.pitch_xy_mm)[:, None]
     low, high = (edge.reshape(-1, 2)[visible_pixels].T for edge in chief.landing_range())
     low, high = np.where(np.isfinite(low), low, -0.5), np.where(np.isfinite(high), high, size - 0.5)
-    low, high = (np.clip(edge, -1.0, size) for edge in (low - AROUND, high + AROUND))
+    low, high = (np.clip(edge, -0.5, size - 0.5) for edge in (low - AROUND, high + AROUND))
     middle = ((low + high) / 2 - (size - 1) / 2) * pitch + np.array(screen.centre_offset_mm)[:, None]
     return middle, np.maximum((high - low) / 2, AROUND) * pitch
 

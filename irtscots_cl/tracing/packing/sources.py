@@ -103,14 +103,21 @@ def emitters(setup: Setup, precision: str, overfill: float, aim: str) -> tuple[n
     chosen = (setup.camera_aim if aim == "camera" else setup.mirror_aim).overfilled(overfill)
     if not bent:
         return _emitters(setup, chosen, emitter_dtype(PRECISIONS[precision])), chosen.area
-    structs, facets = np.zeros(len(chosen.centre), emitter_dtype(PRECISIONS[precision], True)), ScreenFacets.of(chief)
-    _fill_aim(structs, chosen)
-    for name, values in (("point", facets.points), ("pixel_x", facets.side_u), ("pixel_y", facets.side_v),
+    structs, area = _facet_emitters(chief, chosen, PRECISIONS[precision])
+    return structs, chosen.area * (area / setup.scene.screen.pixel_area_mm2)
+
+
+def _facet_emitters(chief: ChiefRays, aim: Aim, real) -> tuple[np.ndarray, np.ndarray]:
+    """Sources of a bent screen, and areas [mm^2] of its pixels: projected along their aim, over the cosine there."""
+    out, facets = np.zeros(len(aim.centre), emitter_dtype(real, True)), ScreenFacets.of(chief)
+    third = -np.sqrt(np.maximum(1 - np.sum(aim.centre**2, -1), 0.0))
+    directions = np.einsum("na,nak->nk", np.column_stack([aim.centre, third]), facets.axes)
+    side_u, side_v = facets.seen_sides(directions)
+    _fill_aim(out, aim)
+    for name, values in (("point", facets.points), ("pixel_x", side_u), ("pixel_y", side_v),
                          *((f"axis_{axis}", facets.axes[:, k]) for k, axis in enumerate("xyz"))):  # fmt: skip
-        structs["facet"][name] = values
-    third = -np.sqrt(np.maximum(1 - np.sum(chosen.centre**2, -1), 0.0))
-    directions = np.einsum("na,nak->nk", np.column_stack([chosen.centre, third]), facets.axes)
-    return structs, chosen.area * (facets.areas(directions) / setup.scene.screen.pixel_area_mm2)
+        out["facet"][name] = values
+    return out, np.sum(np.cross(side_u, side_v) * directions, -1) / third
 
 
 def cone_emitters(setup: Setup, precision: str, emission: Emission) -> np.ndarray:
