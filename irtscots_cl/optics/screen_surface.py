@@ -69,7 +69,7 @@ class PolynomialSag:
 class MeasuredPoints:
     """Splines of X - u, Y - v and Z over the grid; beyond the measured points they go on as planes."""
 
-    splines: tuple[RectBivariateSpline, ...] = field(repr=False)
+    splines: tuple[RectBivariateSpline | Bilinear, ...] = field(repr=False)
     first: tuple[float, float]  # of the knots: the range (u, v) that the points cover
     last: tuple[float, float]
 
@@ -101,11 +101,32 @@ def _measured(shape: Any, half: tuple[float, float], middle: tuple[float, float]
     places = (2 * fractions - 1) * half + middle  # (u, v) on the grid
     moves = points - np.column_stack([places, np.zeros(len(places))])
     u, v, values = _on_grid(places, moves, shape.interpolation)
-    order = 1 if shape.interpolation == "linear" else 3
-    splines = tuple(
-        RectBivariateSpline(u, v, field, kx=min(order, len(u) - 1), ky=min(order, len(v) - 1)) for field in values
-    )
+    if shape.interpolation == "linear" or min(len(u), len(v)) == 2:
+        return MeasuredPoints(tuple(Bilinear(u, v, field) for field in values), (u[0], v[0]), (u[-1], v[-1]))
+    splines = tuple(RectBivariateSpline(u, v, field, kx=min(3, len(u) - 1), ky=min(3, len(v) - 1)) for field in values)
     return MeasuredPoints(splines, (u[0], v[0]), (u[-1], v[-1]))
+
+
+@dataclass(frozen=True)
+class Bilinear:
+    """Values [u, v] on a grid, joined linearly in each cell. FITPACK's splines of order 1 have no derivatives."""
+
+    u: np.ndarray
+    v: np.ndarray
+    values: np.ndarray = field(repr=False)
+
+    def ev(self, u, v, dx: int = 0, dy: int = 0) -> np.ndarray:
+        """Values at points, or their derivatives by u (dx = 1) or v (dy = 1)."""
+        sides = []
+        for at, nodes, along in ((u, self.u, dx), (v, self.v, dy)):
+            cell = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
+            step = nodes[cell + 1] - nodes[cell]
+            share = (at - nodes[cell]) / step
+            sides.append((cell, -1 / step if along else 1 - share, 1 / step if along else share))
+        (i, low_u, high_u), (j, low_v, high_v) = sides
+        of = self.values
+        near, far = low_v * of[i, j] + high_v * of[i, j + 1], low_v * of[i + 1, j] + high_v * of[i + 1, j + 1]
+        return low_u * near + high_u * far
 
 
 def _on_grid(places: np.ndarray, moves: np.ndarray, interpolation: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

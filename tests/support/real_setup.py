@@ -40,7 +40,11 @@ def real_setup(shape: str = "sag", glass: bool = True, distorted: bool = True, a
         distortion=DISTORTION if distorted else (),
     )  # fmt: skip
     camera = replace(
-        base.camera, intrinsics=intrinsics, roll_deg=7.0, aperture_offset_mm=(0.8, -0.5), aperture_diameter_mm=aperture_mm
+        base.camera,
+        intrinsics=intrinsics,
+        roll_deg=7.0,
+        aperture_offset_mm=(0.8, -0.5),
+        aperture_diameter_mm=aperture_mm,
     )
     shapes = {"flat": None, "sag": ScreenShape(sag_mm=SAG_MM), "points": measured_points()}
     screen = replace(
@@ -49,3 +53,18 @@ def real_setup(shape: str = "sag", glass: bool = True, distorted: bool = True, a
     )  # fmt: skip
     name = f"real-{shape}" + "-glass" * glass + "-plain" * (not distorted)
     return replace(base, name=name, camera=camera, screen=screen)
+
+
+def turned_setup() -> Scene:
+    """What the non-sequential estimator knows of it: a perfect lens in the middle of its aperture, a flat bare screen."""
+    scene = real_setup("flat", glass=False, distorted=False)
+    return replace(scene, name="turned", camera=replace(scene.camera, aperture_offset_mm=(0.0, 0.0)))
+
+
+REAL = {
+    "real": real_setup,
+    "real-points": lambda: real_setup("points"),
+    "narrow-real": lambda: real_setup(aperture_mm=1.0),
+    "narrow-points": lambda: real_setup("points", aperture_mm=1.0),
+    "turned": turned_setup,
+}

@@ -125,7 +125,8 @@ def steps_needed(chief: ChiefRays, patches: ScreenPatches, slopes: np.ndarray, l
         at = patches.half * np.array(corner)[:, None]
         moves = patches.moves(*at) - patches.coefficient[:, 0]
         goal = at + moves[:2] - slopes * moves[2]
-        left = [np.abs((patches.met(goal, slopes, steps) - at) / pitch).max() for steps in range(MAX_STEPS + 1)]
+        with np.errstate(over="ignore", invalid="ignore"):  # where steps lead away
+            left = [np.abs((patches.met(goal, slopes, steps) - at) / pitch).max() for steps in range(MAX_STEPS + 1)]
         most = np.maximum(most, left)
     enough = np.flatnonzero(most <= left_px)
     if not len(enough):

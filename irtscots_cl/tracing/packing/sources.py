@@ -108,16 +108,16 @@ def emitters(setup: Setup, precision: str, overfill: float, aim: str) -> tuple[n
 
 
 def _facet_emitters(chief: ChiefRays, aim: Aim, real) -> tuple[np.ndarray, np.ndarray]:
-    """Sources of a bent screen, and areas [mm^2] of its pixels: projected along their aim, over the cosine there."""
+    """Sources of a bent screen, and areas [mm^2] of its pixels: as the mirror's vertex sees them, over the cosine."""
     out, facets = np.zeros(len(aim.centre), emitter_dtype(real, True)), ScreenFacets.of(chief)
-    third = -np.sqrt(np.maximum(1 - np.sum(aim.centre**2, -1), 0.0))
-    directions = np.einsum("na,nak->nk", np.column_stack([aim.centre, third]), facets.axes)
-    side_u, side_v = facets.seen_sides(directions)
+    to_vertex = facets.from_pixels(np.zeros((1, 3)))[:, 0]
+    side_u, side_v = facets.seen_sides(to_vertex / np.linalg.norm(to_vertex, axis=-1, keepdims=True))
     _fill_aim(out, aim)
     for name, values in (("point", facets.points), ("pixel_x", side_u), ("pixel_y", side_v),
                          *((f"axis_{axis}", facets.axes[:, k]) for k, axis in enumerate("xyz"))):  # fmt: skip
         out["facet"][name] = values
-    return out, np.sum(np.cross(side_u, side_v) * directions, -1) / third
+    projected = np.sum(np.cross(side_u, side_v) * to_vertex, -1)
+    return out, projected / np.sum(facets.axes[:, 2] * to_vertex, -1)
 
 
 def cone_emitters(setup: Setup, precision: str, emission: Emission) -> np.ndarray:
