@@ -64,7 +64,8 @@ class Calibration:
             if ends is not None and ends[0] == ends[1]:
                 refuse(("known", name), known.sigma, "be between two different ones of " + ", ".join(PLACES))
             if ends is None and known.mm is not None:
-                refuse(("known", name, "mm"), known.mm, 'be left out: only distances such as "camera to screen" have it')
+                must = 'be left out: only distances such as "camera to screen" have it'
+                refuse(("known", name, "mm"), known.mm, must)
         return self
 
     def __hash__(self) -> int:  # a dict has none
