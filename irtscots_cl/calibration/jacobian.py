@@ -44,11 +44,14 @@ def centroid_jacobian(setup: Setup | Scene, names: Sequence[str], pixels: Pixels
     pixels: (row, column), each [n], of the upright grid, also between pixels' centres; by default every pixel's centre,
     row by row. NaN for chief rays that miss the mirror's surface or the screen's. Raises ValueError for unknown names.
     """
-    setup = Setup.of(setup)
-    chief = setup.chief_rays
-    row, column = _pixels(chief, pixels)
+    chief = Setup.of(setup).chief_rays
+    return jacobian_of(chief, names, *_pixels(chief, pixels))
+
+
+def jacobian_of(chief: ChiefRays, names: Sequence[str], row: FloatArray, column: FloatArray) -> FloatArray:
+    """As centroid_jacobian, of chief rays that may have a surface of their own; row, column [n]."""
     result = np.empty((len(names), 2, len(row)))
-    columns = [_column(name, setup.scene) for name in names]
+    columns = [_column(name, chief.scene) for name in names]
     for first in range(0, len(row), AT_ONCE):
         interruption.check()
         part = slice(first, first + AT_ONCE)
