@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from irtscots_cl.calibration.known import Distance, Prior
+from irtscots_cl.calibration.known import KnownDistance, Prior
 from irtscots_cl.calibration.measured import Measurement, Shares, all_names, base_name, shares_of
 from irtscots_cl.calibration.parameters import moved, parameter
 from irtscots_cl.calibration.triangular import Triangle
@@ -45,7 +45,7 @@ class Problem:
     names: tuple[str, ...]
     sigmas: FloatArray
     scales: FloatArray
-    distances: tuple[Distance, ...] = ()
+    distances: tuple[KnownDistance, ...] = ()
     shares: tuple[Shares, ...] = ()
 
     @classmethod
@@ -54,7 +54,7 @@ class Problem:
         measurements: Sequence[Measurement],
         unknowns: Sequence[str],
         priors: Mapping[str, Prior],
-        distances: Sequence[Distance] = (),
+        distances: Sequence[KnownDistance] = (),
     ) -> Problem:
         """unknowns: the shared ones. priors: of their names, also for a measurement's own of that name.
 

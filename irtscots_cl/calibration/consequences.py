@@ -18,6 +18,7 @@ from irtscots_cl.calibration.parameters import known_parameters, moved, zernike_
 from irtscots_cl.calibration.triangular import Triangle
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.low_order import rms
+from irtscots_cl.scene.model import Scene
 
 DRAWS = 200  # of noise and unknowns: standard deviations to 5 %
 MOST_NOISE = 2**24  # numbers that draws of noise may have; for larger images the height's noise is drawn by itself
@@ -145,7 +146,7 @@ def height_effects(wide: Wide) -> HeightEffects:
     return HeightEffects(grid, before, after, by_unknown, draws, noise, taken)
 
 
-def fitted_scene(fit: Adjustment):
+def fitted_scene(fit: Adjustment) -> Scene:
     """The first measurement's scene with the fitted geometry; the mirror stays the design, without figure terms."""
     m = fit.problem.measurements[0]
     changes = {name: value for name, value in fit.changes().items() if zernike_noll(name) is None}

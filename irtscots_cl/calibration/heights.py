@@ -72,17 +72,17 @@ class HeightGrid:
         deviation = np.zeros(u.shape)
         for _ in range(ROUNDS):
             slopes = triangulated(self.chief, x, y, design + deviation, u, v)
-            extra = [np.where(self.mask, s - own, 0.0) for s, own in zip(slopes, design_slopes, strict=True)]
-            deviation = integrate(x, y, *extra, self.mask, "cubic").z_mm
+            extra_x, extra_y = (np.where(self.mask, s - own, 0.0) for s, own in zip(slopes, design_slopes, strict=True))
+            deviation = integrate(x, y, extra_x, extra_y, self.mask, "cubic").z_mm
         found: FloatArray = deviation + (design - self.told_from_mm)
         return found
 
     def slopes(self, places_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Slopes [r, c] beyond the design's that explain places [2, r, c] on the believed grid."""
-        design = self.chief.surface.sag(*self.mirror_mm)
+        x, y = self.mirror_mm
+        design = self.chief.surface.sag(x, y)
         there, own = (
-            triangulated(self.chief, *self.mirror_mm, design, *at)
-            for at in (self._own_grid(places_mm), self.landing_mm)
+            triangulated(self.chief, x, y, design, u, v) for u, v in (self._own_grid(places_mm), self.landing_mm)
         )
         return there[0] - own[0], there[1] - own[1]
 
@@ -95,8 +95,8 @@ class HeightGrid:
 
     def without(self, heights: FloatArray, terms: str) -> FloatArray:
         """Heights [..., r, c] without low-order terms (maths.low_order)."""
-        maps = heights.reshape(-1, *self.mask.shape)
-        found = [remove_terms(*self.mirror_mm, h, self.mask, terms) for h in maps]
+        maps, (x, y) = heights.reshape(-1, *self.mask.shape), self.mirror_mm
+        found = [remove_terms(x, y, h, self.mask, terms) for h in maps]
         return np.reshape(found, heights.shape)
 
     def coefficients(self, heights: FloatArray) -> FloatArray:
@@ -105,7 +105,7 @@ class HeightGrid:
         x, y = (values[self.mask] / radius for values in self.mirror_mm)
         basis = np.stack([zernike(noll, x, y) for noll in (1, 2, 3, *TERMS)], -1)
         flat = heights[..., self.mask].reshape(-1, len(x))
-        found: FloatArray = np.linalg.lstsq(basis, flat.T)[0][3:].T
+        found = np.asarray(np.linalg.lstsq(basis, flat.T)[0][3:].T, np.float64)
         return found.reshape(*heights.shape[:-2], len(TERMS))
 
 

@@ -76,7 +76,7 @@ def _surface(fit: Adjustment, effects: HeightEffects) -> Check:
     left = fit.left[0][:, grid.chosen]
     for residual, sign in ((left, 1.0), (random.standard_normal(left.shape), -1.0)):
         slopes = grid.slopes(grid.maps(residual * m.errors_mm[:, grid.chosen]) + grid.landing_mm)
-        found = integration_misfit(*grid.mirror_mm, *slopes, grid.mask)
+        found = integration_misfit(grid.mirror_mm[0], grid.mirror_mm[1], slopes[0], slopes[1], grid.mask)
         squares += sign * np.square([np.nan_to_num(found.slope), found.rms_slope])
     share = float(np.clip(1 - squares[0] / squares[1], 0.0, 1.0)) if squares[1] > 0 else 1.0
     height = grid.heights(grid.maps(left * m.errors_mm[:, grid.chosen]) + grid.landing_mm)

@@ -1,7 +1,7 @@
-"""What is known before any image: standard deviations of the unknowns, and measured distances.
+"""The unknowns that a user names, and what [calibration.known] and the defaults say of them.
 
-They come from the table [calibration.known] of a scene; an unknown that it does not name has its usual size as a
-standard deviation (Parameter.scale), unless such defaults are not wanted.
+An unknown that the scene does not name has a default standard deviation (priors.default_priors), unless such defaults
+are not wanted.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from irtscots_cl.calibration.parameters import DISTORTION, Parameter, known_parameters, parameter, zernike_names
-from irtscots_cl.scene.calibration_known import distance_ends
+from irtscots_cl.calibration.parameters import DISTORTION, known_parameters, parameter, zernike_names
+from irtscots_cl.calibration.priors import default_priors
+from irtscots_cl.scene.calibration_known import Knowledge, distance_ends
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
 
@@ -40,8 +41,8 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class Distance:
-    """A measured distance between the middles of two of camera, screen, mirror."""
+class KnownDistance:
+    """A measured distance between the middles of two of camera, screen and mirror."""
 
     name: str
     ends: tuple[str, str]
@@ -51,21 +52,7 @@ class Distance:
 
     def of(self, scene: Scene) -> float:
         """The distance in a scene, in mm."""
-        return distance_mm(scene, self.ends)
-
-    @property
-    def needs(self) -> str:
-        return f'"{self.name}"'
-
-
-def distance_mm(scene: Scene, ends: tuple[str, str]) -> float:
-    """Distance between the middles of the camera's aperture, the screen's grid or the mirror."""
-    places = {
-        "camera": scene.camera.position_mm,
-        "screen": scene.screen.position_mm,
-        "mirror": (0.0, 0.0, 0.0),
-    }
-    return math.dist(places[ends[0]], places[ends[1]])
+        return _distance_mm(scene, *self.ends)
 
 
 def named_unknowns(text: str, scene: Scene) -> tuple[str, ...]:
@@ -96,45 +83,40 @@ def _nolls(word: str) -> tuple[str, ...]:
 
 
 def priors_of(names: Sequence[str], scene: Scene, *, defaults: bool = True, source: str = "scene") -> dict[str, Prior]:
-    """The priors of some unknowns. defaults: whether an unknown without one gets its usual size.
+    """The priors of some unknowns. defaults: whether an unknown without one gets its default.
 
     source: the scene's file, for messages. Raises SceneError for keys of [calibration.known] that are no unknowns.
     """
-    own: Mapping[str, object] = scene.calibration.known if scene.calibration is not None else {}
-    _check_keys(own, scene, source)
+    own = _known(scene)
+    for key in own:
+        try:
+            _ = distance_ends(key) or parameter(key, scene)
+        except ValueError as error:
+            raise SceneError(f"{source}: calibration.known: {error}") from None
+    usual = default_priors(scene, names).sigma
     found = {}
     for name in names:
-        key = name if name in own else next((k for k in own if "*" in k and fnmatchcase(name, k)), None)
-        if key is not None:
-            found[name] = Prior(own[key].sigma, own[key].source or "calibration.known")  # type: ignore[attr-defined]
+        if name in own:
+            found[name] = Prior(own[name].sigma, own[name].source or "calibration.known")
         else:
-            found[name] = Prior(parameter(name, scene).scale if defaults else np.nan, DEFAULT if defaults else "none")
+            found[name] = Prior(usual[name], DEFAULT) if defaults else Prior(np.nan, "none")
     return found
 
 
-def _check_keys(known: Mapping[str, object], scene: Scene, source: str) -> None:
-    every = (*known_parameters(scene), "zernike.4_um")
-    for key in known:
-        if distance_ends(key) is not None or ("*" in key and any(fnmatchcase(name, key) for name in every)):
-            continue
-        try:
-            parameter(key, scene)
-        except ValueError as error:
-            raise SceneError(f'{source}: calibration.known."{key}": {error}') from None
-
-
-def distances_of(scene: Scene) -> tuple[Distance, ...]:
+def distances_of(scene: Scene) -> tuple[KnownDistance, ...]:
     """The distances of [calibration.known]; one without a value is as in the scene."""
-    own = scene.calibration.known if scene.calibration is not None else {}
     found = []
-    for name, known in own.items():
-        ends = distance_ends(name)
-        if ends is not None:
-            mm = distance_mm(scene, ends) if known.mm is None else known.mm
-            found.append(Distance(name, ends, mm, known.sigma, known.source or "calibration.known"))
+    for name, known in _known(scene).items():
+        if (ends := distance_ends(name)) is not None:
+            mm = _distance_mm(scene, *ends) if known.mm is None else known.mm
+            found.append(KnownDistance(name, ends, mm, known.sigma, known.source or "calibration.known"))
     return tuple(found)
 
 
-def units_of(names: Sequence[str], scene: Scene) -> dict[str, Parameter]:
-    """The unknowns by name. Raises ValueError for unknown names."""
-    return {name: parameter(name, scene) for name in names}
+def _distance_mm(scene: Scene, first: str, second: str) -> float:
+    places = {"camera": scene.camera.position_mm, "screen": scene.screen.position_mm, "mirror": (0.0, 0.0, 0.0)}
+    return math.dist(places[first], places[second])
+
+
+def _known(scene: Scene) -> Mapping[str, Knowledge]:
+    return scene.calibration.known if scene.calibration is not None else {}

@@ -75,7 +75,7 @@ class Measurement:
         parts = [design_centroids(setup, self.scene, self.place_of(part)) for part in self.parts()]
         return np.concatenate(parts, axis=-1) + self.offsets_mm
 
-    def jacobian(self, changes: Mapping[str, float], names: Sequence[str], part: slice) -> FloatArray:
+    def jacobian(self, changes: Mapping[str, float], names: Sequence[str], part: slice | IntArray) -> FloatArray:
         """Derivatives [2, n, names] of the places of a part of the pixels by the unknowns, at changed unknowns."""
         scene = moved(self.scene, changes)
         further, matrix = further_changes(changes, names)

@@ -44,7 +44,8 @@ class Triangle:
         """With further rows [n, columns + 1]."""
         values = self.values
         for first in range(0, len(rows), AT_ONCE):
-            values = np.linalg.qr(np.vstack([values, rows[first : first + AT_ONCE]]), mode="r")
+            part = np.vstack([values, rows[first : first + AT_ONCE]])
+            values = np.asarray(np.linalg.qr(part, mode="r"), np.float64)
         return Triangle(values)
 
     def solution(self) -> FloatArray:

@@ -178,7 +178,7 @@ def _heights(found: Calibrated) -> CalibrationHeights:
     effects = found.effects
     maps = {"before": effects.before, "after": effects.after, "change": effects.change}
     maps |= {"standard_deviation": effects.draws, "noise": effects.noise_draws}
-    return {key: {t: _rms_nm(found, value, t) for t in LEFT} for key, value in maps.items()}  # type: ignore[return-value,misc]
+    return {key: {t: _rms_nm(found, value, t) for t in LEFT} for key, value in maps.items()}  # type: ignore[return-value]
 
 
 def _rms_nm(found: Calibrated, heights: np.ndarray, terms: str) -> float:
@@ -208,16 +208,13 @@ def _terms(found: Calibrated) -> list[CalibratedTerm]:
 
 def calibration_tables(facts: CalibrationFacts) -> list[Table]:
     """The verdict, the unknowns, the heights and the checks that did not pass."""
-    ratio = facts["chi_square"] / facts["degrees_of_freedom"]
+    chi_square, degrees = facts["chi_square"], facts["degrees_of_freedom"]
     pixels = ", ".join(f"{m['name']}: {m['pixels']:,}" for m in facts["measurements"])
     rejected = sum(m["rejected"] for m in facts["measurements"])
     rows = [
         ("verdict", facts["verdict"]),
         ("pixels", f"{pixels}; {rejected:,} rejected"),
-        (
-            "chi-square / degrees of freedom",
-            f"{facts['chi_square']:.6g} / {facts['degrees_of_freedom']:.6g}: {ratio:.4g}",
-        ),
+        ("chi-square / degrees of freedom", f"{chi_square:.6g} / {degrees:.6g} = {chi_square / degrees:.4g}"),
         ("unknowns that the images determine", f"{facts['from_data']:.1f} of {len(facts['unknowns'])}"),
         ("mirror terms", f"to radial order {facts['mirror_order']}" if facts["mirror_order"] else "none fitted"),
     ]
