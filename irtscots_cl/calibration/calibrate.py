@@ -6,17 +6,13 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from irtscots_cl.calibration.bundle_adjustment import Adjustment, Problem, adjust
 from irtscots_cl.calibration.consequences import HeightEffects, Wide, candidates, height_effects, widened
 from irtscots_cl.calibration.judgement import GAIN, judge, verdict
 from irtscots_cl.calibration.known import GROUPS, Prior, distances_of, priors_of
 from irtscots_cl.calibration.measured import Measurement, base_name
 from irtscots_cl.calibration.parameters import moved, zernike_names, zernike_noll
-from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.quality import Check
-from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.calibration_known import Calibration, Knowledge, distance_ends
 from irtscots_cl.scene.model import Scene
 
@@ -43,50 +39,62 @@ class Calibrated:
         return verdict(self.checks)
 
 
-def calibrate(
-    measurements: Sequence[Measurement],
-    scene: Scene,
-    unknowns: Sequence[str] = FITTED,
-    *,
-    mirror_order: int | None = None,
-    hold: Sequence[str] = (),
-    default_priors: bool = True,
-    source: str = "scene",
-) -> Calibrated:
-    """Fit the geometry of a scene to measurements.
+@dataclass(frozen=True)
+class Unknowns:
+    """What is fitted, and what is known of it beforehand.
 
-    unknowns: names of what is fitted. mirror_order: radial order up to which Zernike terms of the mirror are fitted,
-    too; 0: none, None: FIRST_ORDER, and more where the residuals ask for it, up to LAST_ORDER; no terms where every
-    measurement is of a known mirror. hold: names that are not fitted. default_priors: unknowns without a prior of the
-    scene get their usual size. source: the scene's file, for messages.
+    names: of the geometry. mirror_order: radial order up to which Zernike terms of the mirror are fitted, too; 0: none,
+    None: FIRST_ORDER, and more where the residuals ask for it, up to LAST_ORDER; no terms where every measurement is of
+    a known mirror. hold: names that are not fitted. default_priors: whether unknowns without a prior of the scene get a
+    default. source: the scene's file, for messages.
+    """
+
+    names: tuple[str, ...] = FITTED
+    mirror_order: int | None = None
+    hold: tuple[str, ...] = ()
+    default_priors: bool = True
+    source: str = "scene"
+
+    def up_to(self, order: int) -> tuple[str, ...]:
+        """All names that are fitted, with mirror terms up to a radial order."""
+        every = dict.fromkeys((*self.names, *mirror_terms(order)))
+        return tuple(name for name in every if name not in self.hold)
+
+
+def calibrate(measurements: Sequence[Measurement], scene: Scene, unknowns: Unknowns | None = None) -> Calibrated:
+    """Fit the geometry of a scene to measurements, and say what that means.
 
     Heights are those of the first measurement whose mirror is not known, or of the first. Raises ValueError for unknown
     names, for unknowns that nothing determines, and for measurements that contradict each other.
     """
-    measurements = sorted(measurements, key=lambda m: m.knows_mirror)  # stable: the mirror under test comes first
-    needs_terms = mirror_order != 0 and not all(m.knows_mirror for m in measurements)
-    order = (FIRST_ORDER if mirror_order is None else mirror_order) if needs_terms else 0
-    while True:
-        names = _names(unknowns, order, hold)
-        own = {name for m in measurements for name in m.own}
-        priors = priors_of([*names, *(own - set(names))], scene, defaults=default_priors, source=source)
-        fit = adjust(Problem.of(measurements, names, priors, distances_of(scene)))
-        wide = widened(fit, [*candidates(fit), *_next_terms(fit, order)])
-        if not needs_terms or mirror_order is not None or order >= LAST_ORDER or not _asks_for_terms(wide):
-            break
-        order += 2
+    fit, wide, priors, order = fit_geometry(measurements, scene, unknowns)
     effects = height_effects(wide)
     return Calibrated(fitted_geometry(scene, fit), fit, wide, effects, priors, judge(fit, wide, effects), order)
+
+
+def fit_geometry(
+    measurements: Sequence[Measurement], scene: Scene, unknowns: Unknowns | None = None
+) -> tuple[Adjustment, Wide, dict[str, Prior], int]:
+    """The fit alone, its further derivatives, the priors, and the radial order of the mirror terms."""
+    unknowns = unknowns or Unknowns()
+    measurements = sorted(measurements, key=lambda m: m.knows_mirror)  # stable: the mirror under test comes first
+    wanted = unknowns.mirror_order
+    grows = wanted is None and not all(m.knows_mirror for m in measurements)
+    order = FIRST_ORDER if grows else (wanted or 0)
+    while True:
+        names = unknowns.up_to(order)
+        own = {name for m in measurements for name in m.own} - set(names)
+        priors = priors_of([*names, *own], scene, defaults=unknowns.default_priors, source=unknowns.source)
+        fit = adjust(Problem.of(measurements, names, priors, distances_of(scene)))
+        wide = widened(fit, [*candidates(fit), *_next_terms(fit, order)])
+        if not grows or order >= LAST_ORDER or not _asks_for_terms(wide):
+            return fit, wide, priors, order
+        order += 2
 
 
 def mirror_terms(order: int) -> tuple[str, ...]:
     """Names of the Zernike terms of the mirror up to a radial order, without piston and tilt."""
     return zernike_names(range(4, (order + 1) * (order + 2) // 2 + 1))
-
-
-def _names(unknowns: Sequence[str], order: int, hold: Sequence[str]) -> tuple[str, ...]:
-    every = dict.fromkeys((*unknowns, *mirror_terms(order)))
-    return tuple(name for name in every if name not in hold)
 
 
 def _next_terms(fit: Adjustment, order: int) -> list[str]:
@@ -116,15 +124,3 @@ def fitted_geometry(scene: Scene, fit: Adjustment) -> Scene:
         known[distance.name] = Knowledge(sigma=distance.sigma, mm=distance.mm, source=distance.source)
     fitted = moved(scene.nominal(), changes)
     return dataclasses.replace(fitted, calibration=Calibration(known=known))
-
-
-def moves_pixels(measurement: Measurement, fit: Adjustment, index: int) -> float:
-    """How far the fit moves the pixels' places on the mirror, in footprints of a pixel: the largest."""
-    believed, fitted = (_mirror_places(measurement, changes) for changes in ({}, fit.changes(index)))
-    size = np.nanmedian(np.linalg.norm(np.diff(believed, axis=0), axis=-1))
-    return float(np.nanmax(np.linalg.norm(fitted - believed, axis=-1)) / size)
-
-
-def _mirror_places(measurement: Measurement, changes: dict[str, float]) -> FloatArray:
-    chief = ChiefRays(moved(measurement.scene, changes))
-    return chief.reverse(*measurement.place_of())[0]

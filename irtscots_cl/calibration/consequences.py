@@ -20,7 +20,7 @@ from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.low_order import rms
 from irtscots_cl.scene.model import Scene
 
-DRAWS = 200  # of noise and unknowns: standard deviations to 5 %
+DRAWS = 100  # of noise and unknowns: standard deviations to 7 %
 MOST_NOISE = 2**24  # numbers that draws of noise may have; for larger images the height's noise is drawn by itself
 OF_SURFACE = ("mirror.radius_relative", "mirror.conic")  # no geometry: the whole height is right with any of them
 
@@ -179,10 +179,7 @@ def _noise_heights(wide: Wide, grid: HeightGrid) -> FloatArray:
     else:  # the mean of the pixels that one stands for
         random = np.random.default_rng(1)
         noise = random.standard_normal((draws, 2, len(grid.chosen))) * m.errors_mm[:, grid.chosen] / grid.step
-    design = grid.landing_mm
-    places = np.moveaxis(grid.maps(noise), 1, 0) + design[:, None]
-    found = grid.heights(places) - grid.heights(design)
-    return np.nan_to_num(found)
+    return np.nan_to_num(grid.noise_heights(noise))
 
 
 def candidates(fit: Adjustment) -> tuple[str, ...]:

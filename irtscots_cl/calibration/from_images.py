@@ -29,7 +29,8 @@ from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 
-MOST_PIXELS = 150_000  # whose light is estimated
+MOST_PIXELS = 150_000  # whose light is estimated,
+FEW_PIXELS = 2_000  # and for a first guess of the geometry
 EDGE = 2  # pixels beside the mirror's edge that are left out
 LIT = 0.5  # of the median light
 WHOLE = 0.999  # of a pixel's footprint that must lie on the mirror
@@ -58,21 +59,22 @@ class ThinnedSetup(Setup):
         return PixelLight.of(self.chief_rays, self.chosen)
 
 
-def step_of(scene: Scene) -> int:
-    """Every how many rows and columns a pixel of a scene's images is used."""
+def step_of(scene: Scene, most: int = MOST_PIXELS) -> int:
+    """Every how many rows and columns a pixel of a scene's images is used, for at most so many."""
     columns, rows = scene.camera.detector.pixels
-    return max(math.ceil(math.sqrt(rows * columns / MOST_PIXELS)), 1)
+    return max(math.ceil(math.sqrt(rows * columns / most)), 1)
 
 
 def from_images(
-    stack: ImageStack, scene: Scene, seen_as: Scene | None = None, **kind: Any
+    stack: ImageStack, scene: Scene, seen_as: Scene | None = None, most: int = MOST_PIXELS, **kind: Any
 ) -> tuple[Measurement, list[Check]]:
     """A measurement from line-scan images, and the checks of the images that concern a calibration.
 
     scene: geometry and mirror as believed. seen_as: a better guess of both, from which the pixels' light is modelled.
-    kind: turn_rad, knows_mirror, own, name of Measurement. Raises ValueError if the images do not fit the scene.
+    most: of how many pixels the light is estimated, about. kind: turn_rad, knows_mirror, own, name of Measurement.
+    Raises ValueError if the images do not fit the scene.
     """
-    step, guess = step_of(scene), seen_as or scene
+    step, guess = step_of(scene, most), seen_as or scene
     setup = Setup(guess) if step == 1 else ThinnedSetup(guess, step)
     if step > 1 and isinstance(setup, ThinnedSetup):
         _check_shapes(stack, setup)
@@ -141,17 +143,19 @@ def _inside(setup: Setup, flux: FloatArray, step: int) -> BoolArray:
     return found
 
 
-def from_file(path: Path, scene: Scene, seen_as: Scene | None = None, **kind: Any) -> tuple[Measurement, list[Check]]:
+def from_file(
+    path: Path, scene: Scene, seen_as: Scene | None = None, most: int = MOST_PIXELS, **kind: Any
+) -> tuple[Measurement, list[Check]]:
     """A measurement from an HDF5 file: images, or places /screen/x_mm, y_mm with standard errors.
 
-    seen_as, kind: as for from_images. Raises ValueError for a file that has neither, or does not fit the scene.
+    seen_as, most, kind: as for from_images. Raises ValueError for a file that has neither, or does not fit the scene.
     """
     from irtscots_cl.imaging.image_files import read_images
 
     try:
         places = _places_of(path)
         if places is None:
-            return from_images(read_images(path), scene, seen_as, **kind)
+            return from_images(read_images(path), scene, seen_as, most, **kind)
         found = from_maps(scene, *places, **kind)
     except ValueError as error:
         said = str(error)

@@ -14,13 +14,13 @@ import numpy as np
 from irtscots_cl.calibration.measured import Measurement
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.maths.integration import integrate
-from irtscots_cl.maths.low_order import remove_terms
 from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.measurement.reconstruction import triangulated
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.model import Scene
 
 MOST_NODES = 40_000  # of a height map: larger images are thinned, since what the unknowns do is smooth
+STEP_MM = 1e-3  # on the screen, for derivatives
 ROUNDS = 2  # slopes, height, slopes, height: as in measurement.reconstruction
 TERMS = tuple(range(4, 16))  # Noll terms that are stated: up to radial order 4
 
@@ -93,11 +93,31 @@ class HeightGrid:
         u, v = ((place - middle) * (own / there) + middle for place, middle, own, there in axes)
         return u, v
 
+    def noise_heights(self, noise_mm: FloatArray) -> FloatArray:
+        """Heights [draws, r, c] that noise [draws, 2, m] of the chosen pixels' places makes.
+
+        Noise is too small for its height to move the mirror points.
+        """
+        design, step = self.landing_mm, STEP_MM
+        by_place = [
+            np.stack([(a - b) / (2 * step) for a, b in zip(self.slopes(design + move), self.slopes(design - move),
+                                                           strict=True)])
+            for move in (step * np.eye(2)[:, :, None, None])
+        ]  # fmt: skip
+        u, v = np.moveaxis(self.maps(noise_mm), 1, 0)
+        slope_x, slope_y = (np.where(self.mask, by_u * u + by_v * v, 0.0) for by_u, by_v in zip(*by_place, strict=True))
+        found: FloatArray = integrate(*self.mirror_mm, slope_x, slope_y, self.mask, "cubic").z_mm
+        return found
+
     def without(self, heights: FloatArray, terms: str) -> FloatArray:
-        """Heights [..., r, c] without low-order terms (maths.low_order)."""
-        maps, (x, y) = heights.reshape(-1, *self.mask.shape), self.mirror_mm
-        found = [remove_terms(x, y, h, self.mask, terms) for h in maps]
-        return np.reshape(found, heights.shape)
+        """Heights [..., r, c] without their least-squares fit of "piston_tilt" or "piston_tilt_power"."""
+        x, y = (values[self.mask] / self.chief.surface.aperture_radius_mm for values in self.mirror_mm)
+        basis = np.stack([np.ones_like(x), x, y, x * x + y * y], -1)[:, : 3 + terms.endswith("power")]
+        basis = np.linalg.qr(basis)[0]
+        found = np.full(heights.shape, np.nan)
+        inside = heights[..., self.mask]
+        found[..., self.mask] = inside - (inside @ basis) @ basis.T
+        return found
 
     def coefficients(self, heights: FloatArray) -> FloatArray:
         """Zernike terms TERMS [..., terms] of heights [..., r, c] in their unit, fitted with piston and tilt."""

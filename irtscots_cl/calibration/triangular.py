@@ -45,7 +45,7 @@ class Triangle:
         values = self.values
         for first in range(0, len(rows), AT_ONCE):
             part = np.vstack([values, rows[first : first + AT_ONCE]])
-            values = np.asarray(np.linalg.qr(part, mode="r"), np.float64)
+            values = np.asarray(np.linalg.qr(part, mode="r"), dtype=np.float64)
         return Triangle(values)
 
     def solution(self) -> FloatArray:

@@ -66,6 +66,7 @@ def add(commands) -> None:
 def _execute(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
     order, turns = _order(options.mirror_order), _turns(options.mirror_turn)
+    from irtscots_cl.calibration.calibrate import Unknowns
     from irtscots_cl.calibration.known import named_unknowns
     from irtscots_cl.pipeline.calibrate import calibrate_files
     from irtscots_cl.pipeline.measurement_list import planned
@@ -80,11 +81,9 @@ def _execute(options: argparse.Namespace) -> int:
     except ValueError as error:
         raise ValueError(f"--fit, --hold: {error}") from None
     plans = planned(options.images, scene, turns, known=options.mirror_known)
+    fitted = Unknowns(unknowns, order, hold, options.default_priors, options.scene)
     with made_folder(folder):
-        facts = calibrate_files(
-            plans, scene, folder, strict=options.strict, unknowns=unknowns, hold=hold, mirror_order=order,
-            default_priors=options.default_priors, source=options.scene
-        )  # fmt: skip
+        facts = calibrate_files(plans, scene, folder, fitted, strict=options.strict)
     warn_of(facts["checks"])
     if options.json:
         print_json(plain(facts))

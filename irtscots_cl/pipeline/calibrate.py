@@ -1,13 +1,13 @@
-"""Calibrate a set-up from files: read, fit, model the light anew where the fit moved much, fit again, write."""
+"""Calibrate a set-up from files: a rough fit of few pixels first, since the light's model needs a geometry."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from irtscots_cl.calibration.calibrate import Calibrated, calibrate, moves_pixels
-from irtscots_cl.calibration.from_images import from_file, is_of_images
+from irtscots_cl.calibration.bundle_adjustment import Adjustment
+from irtscots_cl.calibration.calibrate import Calibrated, Unknowns, calibrate, fit_geometry
+from irtscots_cl.calibration.from_images import FEW_PIXELS, MOST_PIXELS, from_file, is_of_images
 from irtscots_cl.calibration.measured import Measurement
 from irtscots_cl.calibration.parameters import moved
 from irtscots_cl.measurement.quality import WARNING, Check, worst
@@ -18,25 +18,23 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
 from irtscots_cl.system.atomic_files import check_output_folder, write_json, write_text
 
-MOVED = 0.02  # footprints of a pixel: from there on the light of the images is modelled again
 FILES = ("scene.toml", "report.json", "calibration.h5")
 
 
 def calibrate_files(
-    planned: Sequence[Planned], scene: Scene, folder: Path, *, strict: bool = False, **how: Any
+    planned: Sequence[Planned], scene: Scene, folder: Path, unknowns: Unknowns, *, strict: bool = False
 ) -> CalibrationFacts:
     """Calibrate a scene from measurements and write FILES into a folder.
 
-    strict: refuse a fit with a warning. how: arguments of calibration.calibrate. Returns the facts of report.json.
-    Raises ValueError for files that do not fit, unknowns that nothing determines, data that contradict each other.
+    strict: refuse a calibration with a warning. Returns the facts of report.json. Raises ValueError for files that do
+    not fit, unknowns that nothing determines, data that contradict each other.
     """
-    measurements, checks = _read(planned, [p.scene for p in planned])
-    found = calibrate(measurements, scene, **how)
-    if any(_has_moved(found, m) for m, p in zip(measurements, planned, strict=True) if is_of_images(p.path)):
-        interruption.check()
-        guesses = [_guess(found, m) for m in measurements]
-        measurements, checks = _read(planned, guesses)
-        found = calibrate(measurements, scene, **how)
+    guesses = [plan.scene for plan in planned]
+    if any(is_of_images(plan.path) for plan in planned):
+        rough, _ = _read(planned, guesses, FEW_PIXELS)
+        guesses = _guesses(fit_geometry(rough, scene, unknowns)[0], rough)
+    measurements, checks = _read(planned, guesses, MOST_PIXELS)
+    found = calibrate(measurements, scene, unknowns)
     facts = calibration_facts(found, checks)
     doubtful = [check for check in (*checks, *found.checks) if check.level == WARNING]
     if strict and doubtful:
@@ -45,34 +43,28 @@ def calibrate_files(
     return facts
 
 
-def _read(planned: Sequence[Planned], guesses: Sequence[Scene]) -> tuple[list[Measurement], list[Check]]:
+def _read(planned: Sequence[Planned], guesses: Sequence[Scene], most: int) -> tuple[list[Measurement], list[Check]]:
     """The measurements, and the checks of their images, of one name the worst."""
-    measurements, checks = [], []
+    measurements, worst_of = [], dict[str, Check]()
     for plan, guess in zip(planned, guesses, strict=True):
         interruption.check()
-        measurement, own = from_file(plan.path, plan.scene, guess, **plan.kind)
+        measurement, checks = from_file(plan.path, plan.scene, guess, most, **plan.kind)
         measurements.append(measurement)
-        checks += own
-    worst_of: dict[str, Check] = {}
-    for check in checks:
-        there = worst_of.get(check.name)
-        if there is None or worst([there, check]) != there.level:
-            worst_of[check.name] = check
+        for check in checks:
+            there = worst_of.setdefault(check.name, check)
+            if worst([there, check]) != there.level:
+                worst_of[check.name] = check
     return measurements, list(worst_of.values())
 
 
-def _index(found: Calibrated, measurement: Measurement) -> int:
-    return next(k for k, m in enumerate(found.fit.problem.measurements) if m is measurement)
-
-
-def _has_moved(found: Calibrated, measurement: Measurement) -> bool:
-    return moves_pixels(measurement, found.fit, _index(found, measurement)) > MOVED
-
-
-def _guess(found: Calibrated, measurement: Measurement) -> Scene:
-    """The measurement's scene as fitted, with the mirror terms found, on the believed grid of the screen."""
-    changes = found.fit.changes(_index(found, measurement))
-    return moved(measurement.scene, {name: v for name, v in changes.items() if not name.startswith("screen.pitch")})
+def _guesses(fit: Adjustment, measurements: Sequence[Measurement]) -> list[Scene]:
+    """The scenes of measurements as fitted, with the mirror terms found, on the believed grid of the screen."""
+    found = []
+    for m in measurements:
+        index = next(k for k, other in enumerate(fit.problem.measurements) if other is m)
+        changes = {name: v for name, v in fit.changes(index).items() if not name.startswith("screen.pitch")}
+        found.append(moved(m.scene, changes))
+    return found
 
 
 def _write(found: Calibrated, facts: CalibrationFacts, folder: Path) -> None:
