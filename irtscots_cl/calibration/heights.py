@@ -98,7 +98,7 @@ class HeightGrid:
 
         Noise is too small for its height to move the mirror points.
         """
-        design, step = self.landing_mm, STEP_MM
+        design, step, (x, y) = self.landing_mm, STEP_MM, self.mirror_mm
         by_place = [
             np.stack([(a - b) / (2 * step) for a, b in zip(self.slopes(design + move), self.slopes(design - move),
                                                            strict=True)])
@@ -106,7 +106,7 @@ class HeightGrid:
         ]  # fmt: skip
         u, v = np.moveaxis(self.maps(noise_mm), 1, 0)
         slope_x, slope_y = (np.where(self.mask, by_u * u + by_v * v, 0.0) for by_u, by_v in zip(*by_place, strict=True))
-        found: FloatArray = integrate(*self.mirror_mm, slope_x, slope_y, self.mask, "cubic").z_mm
+        found: FloatArray = integrate(x, y, slope_x, slope_y, self.mask, "cubic").z_mm
         return found
 
     def without(self, heights: FloatArray, terms: str) -> FloatArray:

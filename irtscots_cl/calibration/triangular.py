@@ -13,6 +13,7 @@ from scipy.linalg import solve_triangular
 
 from irtscots_cl.maths.arrays import FloatArray
 
+SAME = 1e-6  # of a column, that others do not imitate: less is rounding
 AT_ONCE = 4096  # rows that stay in a processor's cache
 
 
@@ -44,14 +45,12 @@ class Triangle:
         """With further rows [n, columns + 1]."""
         values = self.values
         for first in range(0, len(rows), AT_ONCE):
-            part = np.vstack([values, rows[first : first + AT_ONCE]])
-            values = np.asarray(np.linalg.qr(part, mode="r"), dtype=np.float64)
+            values = _triangle(np.vstack([values, rows[first : first + AT_ONCE]]))
         return Triangle(values)
 
     def solution(self) -> FloatArray:
         """x [columns] of least |r - J x|, the shortest if there are several."""
-        found: FloatArray = np.linalg.lstsq(self.matrix, self.values[:-1, -1])[0]
-        return found
+        return np.asarray(np.linalg.lstsq(self.matrix, self.values[:-1, -1])[0], np.float64)
 
     def covariance(self) -> FloatArray:
         """(J^T J)^-1 [columns, columns]: of x, if the rows have errors of 1. Needs rows that determine x."""
@@ -72,8 +71,11 @@ class Triangle:
 
     def left_beside(self, first: int) -> FloatArray:
         """By how much the squares fall if each single column from `first` on joins the columns before: [others]."""
-        inside = self.values[first:-1, first:-1], self.values[first:-1, -1]
-        squares = np.sum(inside[0] ** 2, axis=0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            found: FloatArray = np.where(squares > 0, (inside[0].T @ inside[1]) ** 2 / squares, 0.0)
-        return found
+        inside, right = self.values[first:-1, first:-1], self.values[first:-1, -1]
+        squares, whole = np.sum(inside**2, axis=0), np.sum(self.values[:, first:-1] ** 2, axis=0)
+        own = squares > SAME**2 * whole
+        return np.where(own, (inside.T @ right) ** 2 / np.where(own, squares, 1.0), 0.0)
+
+
+def _triangle(rows: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.qr(rows, mode="r"), np.float64)
