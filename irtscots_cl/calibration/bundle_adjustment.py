@@ -19,6 +19,7 @@ from irtscots_cl.calibration.parameters import moved, parameter
 from irtscots_cl.calibration.triangular import Triangle
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
 ROUNDS = 40
@@ -239,13 +240,19 @@ def _stepped(
     size = float(np.max(np.abs(step) / np.sqrt(np.diag(known.covariance()))))
     if huber_noise is None:
         new = values + problem.scales * step
-        return new, problem.left(new), size
+        try:
+            return new, problem.left(new), size
+        except SceneError as error:
+            names = ", ".join(m.name for m in problem.measurements)
+            raise ValueError(
+                f"{names}: the places contradict the scene: they lead to one that cannot be ({error})"
+            ) from None
     worst = _cost(problem, values, left, huber_noise)
     for _ in range(HALVINGS):
         new = values + problem.scales * step
         try:
             after = problem.left(new)
-        except ValueError:  # a scene that cannot be: the step was too long
+        except SceneError:  # a scene that cannot be: the step was too long
             step = step / 4
             continue
         if _cost(problem, new, after, huber_noise) <= worst:

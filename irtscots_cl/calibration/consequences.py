@@ -79,10 +79,9 @@ def widened(fit: Adjustment, further: Sequence[str], draws: int = DRAWS, seed: i
     values = np.concatenate([fit.values, np.zeros(len(further))])
     first = wide.measurements[0]
     noise_mm = np.empty((draws, 2, len(first.pixels))) if 2 * len(first.pixels) * draws <= MOST_NOISE else None
-    known = fit.problem.prior_rows(fit.values)[:, :count]
-    pulls = known.T @ random.standard_normal((len(known), draws))
-    triangle = Triangle.empty(len(wide.names))
-    triangle = triangle.with_rows(np.pad(known, ((0, 0), (0, len(further) + 1))))
+    known = fit.problem.prior_rows(fit.values)
+    pulls = known[:, :count].T @ random.standard_normal((len(known), draws))
+    triangle = Triangle.empty(len(wide.names)).with_rows(np.insert(known, [count] * len(further), 0.0, axis=1))
     for k, (m, share) in enumerate(zip(wide.measurements, wide.shares, strict=True)):
         for part in m.parts():
             use = np.flatnonzero(fit.used[k][part])

@@ -25,6 +25,7 @@ from irtscots_cl.measurement.quality import ERROR, OK, Check, check_images
 from irtscots_cl.measurement.reconstruction import design_points
 from irtscots_cl.measurement.saturation import find_ceiling
 from irtscots_cl.measurement.scan_estimates import estimate_centroids
+from irtscots_cl.optics.chief_rays import ChiefRays, trace_chief_rays
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
@@ -47,12 +48,13 @@ class ThinnedSetup(Setup):
         self.step = step
 
     @cached_property
+    def chief_rays(self) -> ChiefRays:
+        return ChiefRays(trace_chief_rays(self.scene).scene, every=self.step)
+
+    @cached_property
     def chosen(self) -> IntArray:
         """Flat numbers of the pixels that can see the mirror, of every step-th row and column."""
-        seen = np.zeros(self.chief_rays.shape, bool)
-        every = (slice(self.step // 2, None, self.step),) * 2
-        seen[every] = self.chief_rays.sees_mirror[every]
-        return np.flatnonzero(seen)
+        return np.flatnonzero(self.chief_rays.sees_mirror)
 
     @cached_property
     def pixel_light(self) -> PixelLight:

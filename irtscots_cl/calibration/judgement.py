@@ -58,14 +58,23 @@ def _chi_square(fit: Adjustment, wide: Wide) -> Check:
     gains = sorted(wide.gains().items(), key=lambda item: -item[1])
     helps = [f"{name} (by {gain * fit.noise**2:.3g})" for name, gain in gains[:NAMED] if gain > GAIN]
     better = f"; fitted in addition, these would lower chi-square most: {', '.join(helps)}" if helps else ""
+    what = f"residuals are {math.sqrt(ratio):.3g} times the stated errors"
     if ratio <= limit and not helps:
-        text = f"residuals are {math.sqrt(ratio):.3g} times the stated errors"
-        return Check("chi-square", OK, ratio, limit, 1e-6, text)
-    what = f"residuals are {math.sqrt(ratio):.3g} times the stated errors" if ratio > limit else (
-        f"residuals are {math.sqrt(ratio):.3g} times the stated errors, but not by chance alone"
-    )  # fmt: skip
-    scaled = ", which are scaled up to them: the covariance is a lower bound" if fit.noise > 1 else ""
-    return Check("chi-square", WARNING, ratio, limit, 1e-6, f"{what}{scaled}{better}")
+        return Check("chi-square", OK, ratio, limit, 1e-6, what)
+    if ratio <= limit:
+        what += ", but not by chance alone"
+    if fit.noise > 1:
+        what += f"{_by_measurement(fit)}; these are scaled up to them, and the covariance is a lower bound"
+    return Check("chi-square", WARNING, ratio, limit, 1e-6, what + better)
+
+
+def _by_measurement(fit: Adjustment) -> str:
+    """The residuals of each of several measurements: they may contradict each other."""
+    if len(fit.left) == 1:
+        return ""
+    parts = zip(fit.problem.measurements, fit.left, fit.used, strict=True)
+    told = [f"{m.name} {math.sqrt(np.mean(left[:, used] ** 2)):.3g}" for m, left, used in parts]
+    return f" ({', '.join(told)}: are their turns and moves those stated?)"
 
 
 def _surface(fit: Adjustment, effects: HeightEffects) -> Check:
