@@ -6,7 +6,7 @@ All maps have the detector's shape [rows, columns]; coordinates in mm.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -45,9 +45,14 @@ class Footprint:
 
 @dataclass(frozen=True)
 class ChiefRays:
-    """Reverse chief rays of a scene: detector -> centre of the camera's aperture -> mirror -> screen."""
+    """Reverse chief rays of a scene: detector -> centre of the camera's aperture -> mirror -> screen.
+
+    every: only of every so many rows and columns of pixels are the footprints and the rays of the aperture's rim made;
+    the others have no coverage.
+    """
 
     scene: Scene
+    every: int = field(default=1, kw_only=True)
 
     @cached_property
     def surface(self) -> Surface:
@@ -97,6 +102,13 @@ class ChiefRays:
         return points, *self.screen_model.arrive(points, outgoing)
 
     @cached_property
+    def wanted(self) -> np.ndarray:
+        """Pixels [rows, columns] that are looked at: all, unless `every` says otherwise."""
+        wanted = np.zeros(self.shape, bool)
+        wanted[self.every // 2 :: self.every, self.every // 2 :: self.every] = True
+        return wanted
+
+    @cached_property
     def corners(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Chief rays of the pixels' corners, [rows + 1, columns + 1]: mirror points and screen crossings."""
         rows, columns = self.shape
@@ -108,7 +120,13 @@ class ChiefRays:
         rows, columns = self.shape
         row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
         a, b = (self.scene.camera.aperture_diameter_mm / 2 * RIM).T
-        return self.reverse(row[..., None], column[..., None], a, b)
+        if self.every == 1:
+            return self.reverse(row[..., None], column[..., None], a, b)
+        found = self.reverse(row[self.wanted][:, None], column[self.wanted][:, None], a, b)
+        maps = tuple(np.full((rows, columns, *values.shape[1:]), np.nan) for values in found)
+        for on_grid, values in zip(maps, found, strict=True):
+            on_grid[self.wanted] = values
+        return maps[0], maps[1], maps[2]
 
     @cached_property
     def footprint(self) -> Footprint:
@@ -125,6 +143,8 @@ class ChiefRays:
         with np.errstate(invalid="ignore"):
             inside = (of_pixel.max(0) <= rim) & ((hole == 0) | (of_pixel.min(0) > hole + diagonal))
             outside = (of_pixel.min(0) > rim + diagonal) | (of_pixel.max(0) + diagonal < hole)
+        if self.every > 1:
+            inside, outside = inside & self.wanted, outside | ~self.wanted
         maps = np.full((4, *self.shape), np.nan)
         coverage = np.zeros(self.shape)
         for pixels, per_axis in ((inside, 2), (~inside & ~outside, SUBPIXELS)):
