@@ -17,6 +17,7 @@ import textwrap
 
 from _generated import main
 
+from irtscots_cl.scene.calibration_known import Calibration, Knowledge
 from irtscots_cl.scene.camera_intrinsics import Intrinsics, check_intrinsics
 from irtscots_cl.scene.detector_noise import DetectorNoise
 from irtscots_cl.scene.element import ALLOWS, KINDS, NEEDS, Element
@@ -36,6 +37,7 @@ MEANINGS = (
         "screen": "the light source",
         "camera": "aperture, lens and detector",
         "element": "surfaces that only `--estimator nonsequential` and `irtscots paths` use",
+        "calibration": "what is known of the geometry beforehand, for `irtscots calibrate` and `irtscots identify`",
     }),
     ("[mirror]", Mirror, "A concave conic of revolution, or an off-axis segment of one, with a round rim.", {
         "radius_mm": "radius of curvature at the vertex (of the parent)",
@@ -160,6 +162,15 @@ MEANINGS = (
         "drift": "relative change of brightness over each scan, linear: from 1 - drift/2 to 1 + drift/2",
         "jitter": "relative rms of the brightness, of each camera frame",
         "seed": "of the random numbers",
+    }),
+    ("[calibration]", Calibration, "What is known of the geometry before the images are seen. "
+     "[calibrate.md](calibrate.md) has the names.", {
+        "known": "standard deviation of each unknown about the scene's value, or a measured distance",
+    }),
+    ('[calibration.known], "NAME" = { ... }', Knowledge, "One of them, where a number alone does not say enough.", {
+        "sigma": "standard deviation, in the unit of the name",
+        "mm": "of a distance: the measured one; without it, the scene's own",
+        "source": "where it comes from",
     }),
     ("[[element]]", Element, "A surface with its effect on light: `mirror` reflects in front and is black behind, "
      "`refractor` is an interface of two media, `lens` is paraxial, `absorber` is black, `detector` is black and "

@@ -87,4 +87,4 @@ def test_without_distortion_the_flux_is_that_of_the_cosine_alone():
     x, y = chief.camera_model.image_point(*np.divmod(number, 90))
     cosine4 = (1 + (x**2 + y**2) / plain.camera.image_distance_mm**2) ** -2
     np.testing.assert_array_equal(relative_flux(chief, number), cosine4)
-    assert DISTORTION == real_setup().camera.intrinsics.distortion
+    assert real_setup().camera.intrinsics.distortion == DISTORTION
