@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -47,7 +48,7 @@ def test_rays_meet_a_patch_where_they_meet_the_screen():
     left = [np.abs(patches.met(goal, slopes, steps) + patches.centre - [u, v])[:, lands].max() for steps in range(1, 7)]
     assert left[-1] < 1e-10  # mm: the surface is a cubic, so nothing but the steps is left
     # each step leaves a hundredth or so of the last error
-    assert all(later < 0.05 * earlier for earlier, later in zip(left[:4], left[1:5], strict=True))
+    assert all(later < 0.05 * earlier for earlier, later in pairwise(left[:5]))
 
 
 @pytest.mark.parametrize("shape", ["sag", "points"])
@@ -73,8 +74,8 @@ def test_a_cubic_is_as_good_as_the_screen_is_smooth():
 def test_a_kink_is_told_of():
     """Measured points that are joined by straight lines, ten times as bent."""
     scene = with_part(real_setup("points"), "screen", shape=measured_points(5, "linear", bend=10.0))
+    chief = ChiefRays(scene)
     with pytest.warns(ScreenFitWarning, match="screen.shape: the screen bends so much .* by up to 0.* screen pixels"):
-        chief = ChiefRays(scene)
         receivers(chief, some(chief), np.zeros((200, 2), int), "fp32")
 
 
