@@ -1,6 +1,7 @@
 // A device (screen or camera) and its frame: origin at the device, +z away from what it looks at. Unit: mm.
 // axis_x, axis_y, axis_z: the device's axes in world coordinates; offset = -axes . position, computed in float64 on the
 // host, so that no device coordinate of several metres is subtracted here in single precision.
+#include "reflection.cl"
 #include "frame_*.cl"
 
 INLINE realv dot_axis(__constant real *axis, vec3v v) { return axis[0] * v.x + axis[1] * v.y + axis[2] * v.z; }

@@ -1,5 +1,5 @@
 // Frames of devices in any position, also turned about their z. Unit: mm.
-#include "reflection.cl"
+#include "line.cl"
 
 // Component of a world vector along a frame's x axis.
 INLINE realv dot_axis_x(__constant real *axis, vec3v v) { return axis[0] * v.x + axis[1] * v.y + axis[2] * v.z; }

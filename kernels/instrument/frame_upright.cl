@@ -1,6 +1,6 @@
 // Frames of devices whose x axis is level (its world y is zero): screens and cameras that are not turned about their z.
 // The verbs are those of frame_turned.cl. Unit: mm.
-#include "reflection.cl"
+#include "line.cl"
 
 INLINE realv dot_axis_x(__constant real *axis, vec3v v) { return axis[0] * v.x + axis[2] * v.z; }
 

@@ -56,7 +56,7 @@ def real_setup(shape: str = "sag", glass: bool = True, distorted: bool = True, a
 
 
 def turned_setup() -> Scene:
-    """What the non-sequential estimator knows: a perfect lens in the middle of its aperture, a flat bare screen."""
+    """What the non-sequential estimator knows of it: a perfect lens in mid-aperture, a flat bare screen."""
     scene = real_setup("flat", glass=False, distorted=False)
     return replace(scene, name="turned", camera=replace(scene.camera, aperture_offset_mm=(0.0, 0.0)))
 

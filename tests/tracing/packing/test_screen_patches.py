@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import warnings
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_rays_meet_a_patch_where_they_meet_the_screen():
     left = [np.abs(patches.met(goal, slopes, steps) + patches.centre - [u, v])[:, lands].max() for steps in range(1, 7)]
     assert left[-1] < 1e-10  # mm: the surface is a cubic, so nothing but the steps is left
     # each step leaves a hundredth or so of the last error
-    assert all(later < 0.05 * earlier for earlier, later in itertools.pairwise(left[:5]))
+    assert all(later < 0.05 * earlier for earlier, later in pairwise(left[:5]))
 
 
 @pytest.mark.parametrize("shape", ["sag", "points"])
