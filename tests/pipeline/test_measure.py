@@ -115,6 +115,7 @@ def test_only_pixels_of_the_mask_are_measured_and_what_is_beside_them_does_not_m
     good, use = images(), half_mask()
     spoilt = good.each(lambda a: np.where(use, a, 1.3 * np.roll(a, 4, axis=0)))
     facts = measure(spoilt.stack(), NOMINAL, tmp_path, use=use)
+    assert facts["light_curves_refused"]["empty"] == 0  # pixels beside the mask are not refused, they are not asked
     assert failed(facts).keys() <= {"zernike terms"}  # a part of the mirror does not separate them all
     alone = measure(good.stack(), NOMINAL, tmp_path / "good", use=use)
     assert alone["deviation_nm_rms"] == facts["deviation_nm_rms"]

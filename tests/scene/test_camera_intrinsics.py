@@ -11,7 +11,7 @@ import pytest
 from refusals import BASE, changed, refusal
 
 from irtscots_cl.maths import lens_distortion
-from irtscots_cl.scene.camera_intrinsics import MIN_DETERMINANT, Intrinsics, picture_size
+from irtscots_cl.scene.camera_intrinsics import MIN_DETERMINANT, Intrinsics, _fold_towards, picture_size
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
 
@@ -199,6 +199,23 @@ def test_a_fold_between_two_rising_parts_is_found():
     assert np.any(np.diff(distorted) < 0) and np.diff(distorted)[-1] > 0
     message = refusal(changed(*TABLE, to={"distortion": c}))
     assert "folds beyond" in message
+
+
+@pytest.mark.parametrize(
+    ("goal", "distortion"),
+    [
+        (0.4961473984048516, (-0.7051, -10.3687, 0.0, 0.0, 25.4841)),
+        (1.066126467625619, (-2.0124, -2.8587, 0.0, 0.0, -5.0382)),
+        (0.4830754285024608, (-0.0351, -2.3558, 0.0, 0.0, 10.2624, 0.5553, 5.7252, 7.8874)),
+    ],
+)
+def test_a_step_that_leads_over_a_fold_is_seen(goal, distortion):
+    """Ways whose steps all end where the image is upright, though there is a fold between two of them."""
+    c = lens_distortion.full(distortion)
+    radius = _fold_towards((goal, 0.0), c)
+    assert radius is not None and radius <= limit_of(distortion)[0] + 1e-6
+    assert _fold_towards((0.6 * goal, -0.8 * goal), c) == pytest.approx(radius)
+    assert _fold_towards((0.5 * limit_of(distortion)[1], 0.0), c) is None
 
 
 @pytest.mark.parametrize("distortion", [RADIAL[5], [0.0, 0.0, 0.0, 0.0, 0.0, -1e6, 1e6, -1e6], [1e6] * 8, [-1e6] * 8,
