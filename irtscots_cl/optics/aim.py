@@ -13,9 +13,13 @@ import numpy as np
 
 from irtscots_cl.maths.frame import Frame
 from irtscots_cl.optics.chief_rays import RIM, ChiefRays
+from irtscots_cl.optics.surface import Surface
 
 RIM_POINTS = 32  # of the mirror, to fit its ellipse
 MARGIN = 1e-4  # of the mirror's ellipse, because the rim between the rim points is not an exact ellipse
+RINGS = 12  # of RIM_POINTS each, over a convex mirror that hides part of its rim
+BULGE_MARGIN = 0.02  # of its ellipse, for what stands out between these points
+POINTS_AT_A_TIME = 2**17  # of the mirror, seen from one screen pixel each: limits the memory
 SLACK = 0.25  # screen pixels added to the chief rays' range that can light a detector pixel; doubled if too small
 MAX_SLACK = 8.0
 CHECK_RAYS = 2**15  # from the camera, to check that the aim covers all directions they find
@@ -50,20 +54,55 @@ class Aim:
 def find_mirror_aim(chief: ChiefRays) -> Aim:
     """The smallest ellipses that cover the mirror from every point of the screen pixel."""
     scene = chief.scene
-    frame, surface, pitch = chief.screen_frame, chief.surface, scene.screen.pitch_mm
+    frame, pitch = chief.screen_frame, scene.screen.pitch_mm
     x, y = pixel_centres(chief)
-    angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
-    rim_x, rim_y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
-    rim = np.stack([rim_x, rim_y, surface.sag(rim_x, rim_y)], -1)
-    every = np.array_split(np.arange(len(x)), len(x) // 4096 + 1)
-    parts = [covering_ellipses(frame, rim, x[k], y[k], pitch) for k in every]
+    rim, bulge = mirror_rings(chief.surface, 1)[0], _bulge(chief)
+    every = np.array_split(np.arange(len(x)), len(x) * (len(rim) + len(bulge)) // POINTS_AT_A_TIME + 1)
+    parts = [covering_ellipses(frame, rim, x[k], y[k], pitch, bulge) for k in every]
     return Aim(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)), 1.0)
 
 
-def covering_ellipses(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch: float):
+def mirror_rings(surface: Surface, rings: int) -> np.ndarray:
+    """Points [rings, RIM_POINTS, 3] of the mirror on circles of equal steps in radius, the rim first."""
+    angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
+    radius = surface.aperture_radius_mm * np.arange(rings, 0, -1) / rings
+    x, y = np.multiply.outer(radius, np.cos(angle)), np.multiply.outer(radius, np.sin(angle))
+    return np.stack([x, y, surface.sag(x, y)], -1)
+
+
+def _bulge(chief: ChiefRays) -> np.ndarray:
+    """Points [k, 3] of the mirror that can stand out beyond its rim, seen from some part of the screen; mostly none.
+
+    A convex mirror hides a part of its rim from a point below the tangent plane there. Of all points of a plane screen
+    its corners are the lowest.
+    """
+    surface, none = chief.surface, np.zeros((0, 3))
+    if surface.quadric.q_yy >= 0:
+        return none
+    rim = mirror_rings(surface, 1)[0]
+    slope_x, slope_y = surface.gradient(rim[:, 0], rim[:, 1])
+    normals = np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], -1)
+    to = screen_corners(chief)[:, None] - rim
+    above = np.sum(to * normals, -1) / np.linalg.norm(to, axis=-1)
+    return none if (above > BULGE_MARGIN).all() else mirror_rings(surface, RINGS)[1:].reshape(-1, 3)
+
+
+def screen_corners(chief: ChiefRays) -> np.ndarray:
+    """World points [4, 3] of the corners of the screen's pixel grid."""
+    screen = chief.scene.screen
+    sides = [offset + n * screen.pitch_mm / 2 * np.array([-1, -1, 1, 1])[order]
+             for n, offset, order in zip(screen.pixels, screen.centre_offset_mm, ([0, 1, 2, 3], [0, 2, 1, 3]),
+                                         strict=True)]  # fmt: skip
+    return chief.screen_frame.to_world(*sides)
+
+
+def covering_ellipses(
+    frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, pitch: float, bulge: np.ndarray | None = None
+):
     """Ellipses that cover the points of a rim [k, 3] from screen pixels at (x, y) [n]: centres [n, 2], roots [n, 2, 2].
 
-    frame, pitch: of the screen. A rim that is seen nearly edge-on gets a wider ellipse.
+    frame, pitch: of the screen. A rim that is seen nearly edge-on gets a wider ellipse. bulge: points [m, 3] within the
+    rim that may stand out beyond it and are covered, too.
     """
     rays = rim - frame.to_world(x, y)[:, None, :]
     distance = np.linalg.norm(rays, axis=-1, keepdims=True)
@@ -75,6 +114,11 @@ def covering_ellipses(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarra
     flat = np.trace(shape, axis1=1, axis2=2)[:, None, None] * FLATTEST
     root = np.linalg.cholesky(shape + (np.linalg.det(shape)[:, None, None] < flat**2) * flat * np.eye(2))
     reach = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
+    if bulge is not None and len(bulge):
+        rays = bulge - frame.to_world(x, y)[:, None, :]
+        spread = (rays / np.linalg.norm(rays, axis=-1, keepdims=True)) @ frame.axes[:2].T - centre[:, None, :]
+        beyond = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
+        reach = np.maximum(reach, beyond * (1 + BULGE_MARGIN))
     return centre, _widened(root * (reach * (1 + MARGIN))[:, None, None], pitch * np.sqrt(0.5) / distance.min((1, 2)))
 
 
@@ -158,7 +202,7 @@ def _landing(chief: ChiefRays, margin_mm: float) -> tuple[np.ndarray, np.ndarray
     corners = np.stack(chief.corners[1:], -1)
     four = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]])
     spread = np.linalg.norm(four - centre, axis=-1).max(0)
-    known = np.isfinite(linear).all((-1, -2)) & (np.abs(np.linalg.det(linear)) > 0)
+    known = np.isfinite(linear).all((-1, -2)) & (np.abs(np.linalg.det(np.nan_to_num(linear))) > 0)
     to_aperture = np.linalg.inv(np.where(known[..., None, None], linear, np.eye(2)))
     reach = 1 + np.linalg.norm(to_aperture, 2, axis=(-2, -1)) * (margin_mm + spread + left)
     return centre, to_aperture, np.where(known, reach, np.nan)
