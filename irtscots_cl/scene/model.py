@@ -52,7 +52,7 @@ class Scene:
             # Over a concave mirror a device must be above the surface, and outside it above the rim. A segment gets
             # the sag of its parent's middle. A device that sees the whole mirror is far above both. Of a convex
             # mirror the vertex is the highest point: all light from above its plane falls downwards.
-            sag_mm = max(self.mirror.parent_sag_mm(min(math.hypot(x, y), self.mirror.diameter_mm / 2)), 0.0)
+            sag_mm = max(0.0, self.mirror.parent_sag_mm(min(math.hypot(x, y), self.mirror.diameter_mm / 2)))
             if not z > sag_mm:
                 must = f"lie in front of the mirror: z above {sag_mm:.10g}"
                 refuse((key, "position_mm"), device.position_mm, must)
