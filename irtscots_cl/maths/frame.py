@@ -10,12 +10,16 @@ from numpy.typing import ArrayLike
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.system import interruption
 
+ALONG_Y = 1e-12  # rad from the world's Y axis, about the rounding of positions: a device so near to it looks along it
+
 
 @dataclass(frozen=True)
 class Frame:
     """A device's frame in world coordinates: origin at the device, +z away from the point it looks at.
 
-    position_mm: [3]; axes: [3, 3], the rows are the unit vectors x, y, z. x = unit(Y_world x z), y = z x x.
+    position_mm: [3]; axes: [3, 3], the rows are the unit vectors x, y, z. x = unit(Y_world x z), y = z x x. For a device
+    that looks along the world's Y, where this has no direction, x = X_world: the limit for a device that turns from Z to
+    Y. No rule is continuous there. So x never has a part along Y_world, which the kernels rely on.
     """
 
     position_mm: FloatArray
@@ -23,13 +27,16 @@ class Frame:
 
     @classmethod
     def looking(cls, position_mm: ArrayLike, look_at_mm: ArrayLike, turn_rad: float = 0.0) -> Frame:
-        """Frame of a device at position_mm [3] that looks at look_at_mm [3], not along the world's Y axis.
+        """Frame of a device at position_mm [3] that looks at look_at_mm [3].
 
         turn_rad: turns x and y about z, from x towards y.
         """
         position = np.asarray(position_mm, float)
         z = _unit(position - np.asarray(look_at_mm, float))
-        x = _unit(np.cross([0.0, 1.0, 0.0], z))
+        if np.hypot(z[0], z[2]) <= ALONG_Y:
+            x, z = np.array([1.0, 0.0, 0.0]), np.array([0.0, np.sign(z[1]), 0.0])
+        else:
+            x = _unit(np.cross([0.0, 1.0, 0.0], z))
         y = np.cross(z, x)
         if turn_rad != 0.0:
             cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
@@ -42,11 +49,19 @@ class Frame:
         world: FloatArray = self.position_mm + along_u + along_v
         return world
 
-    def arrive(self, points_mm: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where rays from world points [..., 3] along directions [..., 3] cross the plane z = 0: (u, v) [...] in mm."""
+    def arrive(
+        self, points_mm: FloatArray, directions: FloatArray, in_front: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """Where rays from world points [..., 3] along directions [..., 3] cross the plane z = 0: (u, v) [...] in mm.
+
+        in_front: NaN for rays that do not run from the device's front onto the plane: they run away from it, or come
+        from behind it.
+        """
         from_device = turned(points_mm - self.position_mm, self.axes.T)
         along = turned(directions, self.axes.T)
         step = -from_device[..., 2] / along[..., 2]
+        if in_front:
+            step = np.where((along[..., 2] > 0) & (step >= 0), step, np.nan)
         return from_device[..., 0] + step * along[..., 0], from_device[..., 1] + step * along[..., 1]
 
 

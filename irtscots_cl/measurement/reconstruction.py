@@ -182,9 +182,12 @@ def reconstruct(
         estimates = estimate_centroids(stack, setup, light_curve)
     centroid_x, centroid_y, flags = _both_scans(setup, stack, light_curve, threshold, estimates)
     on_mirror = (chief.footprint.coverage >= min_coverage) & (True if stack.use is None else stack.use)
+    points = design_points(setup)
+    # of the design, part of such a pixel's light comes from beside the screen's front
+    flags[(flags == Flag.GOOD) & on_mirror & ~np.isfinite(points).all(0)] = Flag.CLIPPED
     mask = on_mirror & (flags == Flag.GOOD)
-    _check_enough(setup.scene.name, on_mirror, mask, flags)
-    x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(setup))
+    _check_enough(chief, on_mirror, mask, flags)
+    x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in points)
     slope_x, slope_y, deviation, islands = surface_of(
         chief, (x_mm, y_mm), (u_mm, v_mm), mask, (centroid_x, centroid_y), method, pixel_average
     )
@@ -213,14 +216,30 @@ def reconstruct(
     )
 
 
-def _check_enough(name: str, on_mirror: BoolArray, mask: BoolArray, flags: IntArray) -> None:
+def _check_enough(chief: ChiefRays, on_mirror: BoolArray, mask: BoolArray, flags: IntArray) -> None:
     """Raise ValueError if too few pixels can be used; the message counts the reasons."""
     if mask.sum() < MIN_PIXELS:
         refused = ", ".join(f"{np.sum(flags[on_mirror] == flag)} {flag.name.lower()}" for flag in list(Flag)[1:])
         raise ValueError(
-            f"scene {name}: {mask.sum()} of the {on_mirror.sum()} detector pixels on the mirror have a usable "
-            f"light curve in both scans ({refused}); must be at least {MIN_PIXELS}"
+            f"scene {chief.scene.name}: {mask.sum()} of the {on_mirror.sum()} detector pixels on the mirror have a "
+            f"usable light curve in both scans ({refused}); must be at least {MIN_PIXELS}{_too_wide(chief, on_mirror)}"
         )
+
+
+def _too_wide(chief: ChiefRays, on_mirror: BoolArray) -> str:
+    """What a message says of light that is wider than the screen, so that no pixel sees a single point of it; or ""."""
+    screen, light = chief.scene.screen, []
+    for k in range(2):
+        half_width, *boxes = chief.light_shape(k)
+        width = (2 * half_width + sum(boxes))[on_mirror]
+        light.append(float(np.nanmedian(width)) if np.isfinite(width).any() else 0.0)
+    size = [n * p for n, p in zip(screen.pixels, screen.pitch_xy_mm, strict=True)]
+    if all(width <= of_screen for width, of_screen in zip(light, size, strict=True)):
+        return ""
+    return (
+        f"; a pixel sees {light[0]:.4g} x {light[1]:.4g} mm of the screen's plane at a time and the screen has "
+        f"{size[0]:.4g} x {size[1]:.4g} mm: a larger screen, smaller detector pixels or a sharper focus"
+    )
 
 
 def _both_scans(

@@ -14,9 +14,13 @@ import numpy as np
 from irtscots_cl.maths.frame import Frame
 from irtscots_cl.optics.chief_rays import RIM, ChiefRays
 from irtscots_cl.optics.screen_facets import ScreenFacets
+from irtscots_cl.optics.surface import Surface
 
 RIM_POINTS = 32  # of the mirror, to fit its ellipse
 MARGIN = 1e-4  # of the mirror's ellipse, because the rim between the rim points is not an exact ellipse
+RINGS = 12  # of RIM_POINTS each, over a convex mirror that hides part of its rim
+BULGE_MARGIN = 0.02  # of its ellipse, for what stands out between these points
+POINTS_AT_A_TIME = 2**17  # of the mirror, seen from one screen pixel each: limits the memory
 SLACK = 0.25  # screen pixels added to the chief rays' range that can light a detector pixel; doubled if too small
 MAX_SLACK = 8.0
 CHECK_RAYS = 2**15  # from the camera, to check that the aim covers all directions they find
@@ -50,16 +54,50 @@ class Aim:
 
 def find_mirror_aim(chief: ChiefRays) -> Aim:
     """The smallest ellipses that cover the mirror from every point of the screen pixel."""
-    surface, facets = chief.surface, ScreenFacets.of(chief)
-    angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
-    rim_x, rim_y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
-    rim = np.stack([rim_x, rim_y, surface.sag(rim_x, rim_y)], -1)
+    facets = ScreenFacets.of(chief)
+    rim, bulge = mirror_rings(chief.surface, 1)[0], _bulge(chief)
     half, parts = np.broadcast_to(facets.half_diagonal, facets.u.shape), []
-    for k in np.array_split(np.arange(len(facets.u)), len(facets.u) // 4096 + 1):
+    count = len(facets.u)
+    for k in np.array_split(np.arange(count), count * (len(rim) + len(bulge)) // POINTS_AT_A_TIME + 1):
         rays = facets.from_pixels(rim, k)
         distance = np.linalg.norm(rays, axis=-1)
-        parts.append(_covering(facets.across(rays / distance[..., None], k), distance, half[k]))
+        within = facets.cosines(facets.from_pixels(bulge, k), k) if len(bulge) else None
+        parts.append(_covering(facets.across(rays / distance[..., None], k), distance, half[k], within))
     return Aim(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)), 1.0)
+
+
+def mirror_rings(surface: Surface, rings: int) -> np.ndarray:
+    """Points [rings, RIM_POINTS, 3] of the mirror on circles of equal steps in radius, the rim first."""
+    angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
+    radius = surface.aperture_radius_mm * np.arange(rings, 0, -1) / rings
+    x, y = np.multiply.outer(radius, np.cos(angle)), np.multiply.outer(radius, np.sin(angle))
+    return np.stack([x, y, surface.sag(x, y)], -1)
+
+
+def _bulge(chief: ChiefRays) -> np.ndarray:
+    """Points [k, 3] of the mirror that can stand out beyond its rim, seen from some part of the screen; mostly none.
+
+    A convex mirror hides a part of its rim from a point below the tangent plane there. Of all points of a plane screen
+    its corners are the lowest.
+    """
+    surface, none = chief.surface, np.zeros((0, 3))
+    if surface.quadric.q_yy >= 0:
+        return none
+    rim = mirror_rings(surface, 1)[0]
+    slope_x, slope_y = surface.gradient(rim[:, 0], rim[:, 1])
+    normals = np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], -1)
+    to = screen_corners(chief)[:, None] - rim
+    above = np.sum(to * normals, -1) / np.linalg.norm(to, axis=-1)
+    return none if (above > BULGE_MARGIN).all() else mirror_rings(surface, RINGS)[1:].reshape(-1, 3)
+
+
+def screen_corners(chief: ChiefRays) -> np.ndarray:
+    """World points [4, 3] of the corners of the screen's pixel grid."""
+    screen = chief.scene.screen
+    half_u, half_v = (n * p / 2 for n, p in zip(screen.pixels, screen.pitch_xy_mm, strict=True))
+    middle_u, middle_v = screen.centre_offset_mm
+    u, v = np.array([-1, 1, -1, 1]) * half_u + middle_u, np.array([-1, -1, 1, 1]) * half_v + middle_v
+    return chief.screen_model.to_world(u, v)
 
 
 def covering_ellipses(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, half_pixel: float):
@@ -73,8 +111,13 @@ def covering_ellipses(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarra
     return _covering((rays / distance[..., None]) @ frame.axes[:2].T, distance, half_pixel)
 
 
-def _covering(cosines: np.ndarray, distance: np.ndarray, half_pixel: float | np.ndarray):
-    """Centres [n, 2] and roots [n, 2, 2] of ellipses around directions [n, k, 2] to points at distances [n, k]."""
+def _covering(
+    cosines: np.ndarray, distance: np.ndarray, half_pixel: float | np.ndarray, within: np.ndarray | None = None
+):
+    """Centres [n, 2] and roots [n, 2, 2] of ellipses around directions [n, k, 2] to points at distances [n, k].
+
+    within: [n, m, 2] directions to points within their rim that may stand out beyond it and are covered, too.
+    """
     centre = cosines.mean(1)
     spread = cosines - centre[:, None, :]
     # Points at equal angles on an ellipse's rim have half its shape matrix as covariance.
@@ -82,6 +125,10 @@ def _covering(cosines: np.ndarray, distance: np.ndarray, half_pixel: float | np.
     flat = np.trace(shape, axis1=1, axis2=2)[:, None, None] * FLATTEST
     root = np.linalg.cholesky(shape + (np.linalg.det(shape)[:, None, None] < flat**2) * flat * np.eye(2))
     reach = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
+    if within is not None:
+        spread = within - centre[:, None, :]
+        beyond = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
+        reach = np.maximum(reach, beyond * (1 + BULGE_MARGIN))
     return centre, _widened(root * (reach * (1 + MARGIN))[:, None, None], half_pixel / distance.min(1))
 
 
@@ -165,8 +212,7 @@ def _landing(chief: ChiefRays, margin_mm: float) -> tuple[np.ndarray, np.ndarray
     corners = np.stack(chief.corners[1:], -1)
     four = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]])
     spread = np.linalg.norm(four - centre, axis=-1).max(0)
-    with np.errstate(invalid="ignore"):  # of pixels whose rays miss the surface
-        known = np.isfinite(linear).all((-1, -2)) & (np.abs(np.linalg.det(linear)) > 0)
+    known = np.isfinite(linear).all((-1, -2)) & (np.abs(np.linalg.det(np.nan_to_num(linear))) > 0)
     to_aperture = np.linalg.inv(np.where(known[..., None, None], linear, np.eye(2)))
     reach = 1 + np.linalg.norm(to_aperture, 2, axis=(-2, -1)) * (margin_mm + spread + left)
     return centre, to_aperture, np.where(known, reach, np.nan)

@@ -84,8 +84,8 @@ class ChiefRays:
         """Trace from image points backwards through aperture point (a, b).
 
         Returns the mirror points [..., 3] (NaN where a ray misses the surface, also where the surface is only behind
-        the camera; the rim is ignored) and the
-        places (u, v) on the screen's grid of pixels [mm], which for a flat screen is its frame's plane.
+        the camera; the rim is ignored) and the places (u, v) on the screen's grid of pixels [mm], which for a flat
+        screen is its frame's plane (NaN also where the reflected ray does not come onto the screen's front).
         """
         interruption.check()
         camera, frame = self.scene.camera, self.camera_frame
@@ -229,11 +229,13 @@ def check_visible(chief: ChiefRays, source: str) -> None:
         if not np.isfinite(lowest + highest).all(-1).any():
             raise SceneError(
                 f"{source}: screen.position_mm = {list(scene.screen.position_mm)}: no ray from the detector by way of "
-                "the mirror reaches the screen's plane; must lie where the mirror sends the camera's rays"
+                "the mirror comes onto the screen's front; must lie where the mirror sends the camera's rays"
             )
         offset = (np.nanmean((lowest + highest) / 2, axis=0) - (size - 1) / 2) * scene.screen.pitch_xy_mm
+        spread = (np.nanmax(highest, axis=0) - np.nanmin(lowest, axis=0)) * scene.screen.pitch_xy_mm
         raise SceneError(
             f"{source}: screen.position_mm = {list(scene.screen.position_mm)}: no detector pixel sees the "
             f"screen in the mirror; the pixel grid must reach the light, which lands about "
-            f"{offset[0]:.1f}, {offset[1]:.1f} mm from its centre in the screen's x, y"
+            f"{offset[0]:.1f}, {offset[1]:.1f} mm from its centre in the screen's x, y, over {spread[0]:.1f} x "
+            f"{spread[1]:.1f} mm"
         )

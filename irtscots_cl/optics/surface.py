@@ -14,7 +14,8 @@ from irtscots_cl.maths.zernike.indices import index_to_nm
 from irtscots_cl.maths.zernike.series import RadialSeries, evaluate_series, radial_series
 from irtscots_cl.system import interruption
 
-_BESIDE = np.errstate(over="ignore", invalid="ignore")  # polynomials overflow far outside the mirror
+# polynomials overflow far outside the mirror; a ray parallel to z = 0 has no point there
+_BESIDE = np.errstate(over="ignore", invalid="ignore", divide="ignore")
 
 
 @dataclass(frozen=True)

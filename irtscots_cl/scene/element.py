@@ -26,7 +26,6 @@ from irtscots_cl.scene.validation import (
     refuse,
 )
 
-MIN_SINE_TO_Y = 1e-6  # below it, rounding of the position destroys a frame's x axis
 KINDS = ("mirror", "refractor", "lens", "absorber", "detector")
 RESERVED = ("screen", "mirror", "lens", "stop", "detector")  # names of the scene's own elements
 NEEDS = {"refractor": ("index_front", "index_back"), "lens": ("focal_length_mm",)}
@@ -83,9 +82,6 @@ class Element:
             refuse(("name",), self.name, f"be none of {', '.join(RESERVED)}, which the scene has anyway")
         if self.position_mm == self.facing_mm:
             refuse(("facing_mm",), self.facing_mm, "differ from position_mm, for a direction to face")
-        x, y, z = (b - a for a, b in zip(self.position_mm, self.facing_mm, strict=True))
-        if math.hypot(x, z) <= MIN_SINE_TO_Y * math.hypot(x, y, z):
-            refuse(("facing_mm",), self.facing_mm, "not lie along Y from position_mm: no x axis")
         if (self.diameter_mm is None) == (self.size_mm is None):
             refuse(("diameter_mm",), self.diameter_mm, "be given, or else size_mm, and not both")
         if self.diameter_mm is not None and not self.obscuration_mm < self.diameter_mm:

@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from irtscots_cl.scene.element import MIN_SINE_TO_Y
 from irtscots_cl.scene.validation import (
     Degrees,
     Fraction,
@@ -34,12 +33,9 @@ ORIENTATIONS: tuple[str, ...] = get_args(Orientation)
 
 
 def _check_direction(device: Screen | Camera) -> None:
-    """Raise SceneError unless the device looks in some direction other than the world's Y."""
-    x, y, z = (a - b for a, b in zip(device.position_mm, device.look_at_mm, strict=True))
-    if x == y == z == 0.0:
+    """Raise SceneError unless the device looks in some direction."""
+    if device.position_mm == device.look_at_mm:
         refuse(("position_mm",), device.position_mm, "differ from look_at_mm, for a direction to look in")
-    if math.hypot(x, z) <= MIN_SINE_TO_Y * math.hypot(x, y, z):
-        refuse(("position_mm",), device.position_mm, "not lie along Y from look_at_mm: no x axis")
 
 
 def _check_pixels(pixels: tuple[int, int], most: int) -> None:

@@ -7,7 +7,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from irtscots_cl.scene.validation import Coefficients, Conic, Fraction, NonNegativeMm, PositiveMm, checked, refuse
+from irtscots_cl.scene.validation import (
+    Coefficients,
+    Conic,
+    Fraction,
+    MirrorRadiusMm,
+    NonNegativeMm,
+    PositiveMm,
+    checked,
+    refuse,
+)
 
 MAX_RADIAL_ORDER = 40
 
@@ -44,9 +53,12 @@ class ZernikeTerms:
 
 @checked("mirror")
 class Mirror:
-    """A concave conic of revolution, or an off-axis piece of one, with a round rim and a round central hole."""
+    """A conic of revolution, or an off-axis piece of one, with a round rim and a round central hole.
 
-    radius_mm: PositiveMm
+    radius_mm: at the parent's vertex; above 0 concave towards +Z, below 0 convex, inf flat.
+    """
+
+    radius_mm: MirrorRadiusMm
     diameter_mm: PositiveMm
     conic: Conic = 0.0
     off_axis_mm: NonNegativeMm = 0.0
@@ -61,9 +73,13 @@ class Mirror:
             refuse(("scatter",), self.scatter, "be a model of irtscots_cl.scatter")
         if not self.obscuration_mm < self.diameter_mm:
             refuse(("obscuration_mm",), self.obscuration_mm, f"be below diameter_mm ({self.diameter_mm!r})")
+        if self.is_flat:
+            for key in ("conic", "off_axis_mm"):
+                if getattr(self, key) != 0.0:
+                    refuse((key,), getattr(self, key), "be 0 for a flat mirror; a finite radius_mm makes it curved")
         rim_mm, curvature = self.off_axis_mm + self.diameter_mm / 2, 1.0 + self.conic
         if curvature > 0 and curvature * rim_mm * rim_mm >= self.radius_mm * self.radius_mm:
-            reach_mm = self.radius_mm / math.sqrt(curvature)
+            reach_mm = abs(self.radius_mm) / math.sqrt(curvature)
             if reach_mm <= self.off_axis_mm:
                 refuse(("off_axis_mm",), self.off_axis_mm, f"be below {reach_mm:.10g}, where the conic ends")
             limit_mm = 2 * (reach_mm - self.off_axis_mm)
@@ -76,3 +92,12 @@ class Mirror:
                 must = f"be the first table's ({self.zernike[0].radius_mm!r}): all terms share one disk"
                 refuse(("zernike", k, "radius_mm"), terms.radius_mm, must)
         return self
+
+    @property
+    def is_flat(self) -> bool:
+        return math.isinf(self.radius_mm)
+
+    def parent_sag_mm(self, r_mm: float) -> float:
+        """Height in mm of the parent above its vertex's plane, at r_mm from its axis; below 0 if it is convex."""
+        root = math.sqrt(max(self.radius_mm**2 - (1.0 + self.conic) * r_mm * r_mm, 0.0))
+        return r_mm * r_mm / (self.radius_mm + math.copysign(root, self.radius_mm))

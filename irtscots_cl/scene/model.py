@@ -3,7 +3,7 @@
 Lengths are in mm, radiance in W/(mm^2 sr). The world is the mirror's frame: origin at its vertex (off-axis:
 at the point of the surface at the segment's centre), +Z along the surface normal there towards screen and
 camera, +X away from the parent's axis. A device looks from `position_mm` at `look_at_mm`; its x axis is
-unit(Y_world x z).
+unit(Y_world x z), or the world's X if it looks along Y.
 
 An invalid file or constructor argument raises a `SceneError` of one line; see scene/validation.py.
 """
@@ -57,11 +57,10 @@ class Scene:
             refuse(("element",), len(names), f"be at most {MAX_ELEMENTS} tables [[element]]")
         for key, device in (("screen", self.screen), ("camera", self.camera)):
             x, y, z = device.position_mm
-            # Over the mirror a device must be above the surface, and outside it above the rim. A segment gets
-            # the sag of its parent's middle. A device that sees the whole mirror is far above both.
-            radius, r = self.mirror.radius_mm, min(math.hypot(x, y), self.mirror.diameter_mm / 2)
-            root = math.sqrt(max(radius * radius - (1.0 + self.mirror.conic) * r * r, 0.0))
-            sag_mm = r * r / (radius + root)
+            # Over a concave mirror a device must be above the surface, and outside it above the rim. A segment gets
+            # the sag of its parent's middle. A device that sees the whole mirror is far above both. Of a convex
+            # mirror the vertex is the highest point: all light from above its plane falls downwards.
+            sag_mm = max(0.0, self.mirror.parent_sag_mm(min(math.hypot(x, y), self.mirror.diameter_mm / 2)))
             if not z > sag_mm:
                 must = f"lie in front of the mirror: z above {sag_mm:.10g}"
                 refuse((key, "position_mm"), device.position_mm, must)
@@ -116,8 +115,7 @@ def _sees_mirror(device: Screen | Camera, mirror: Mirror) -> bool:
     for k in range(1 + VIEW_RINGS * VIEW_ANGLES):  # the vertex first: it is enough for nearly all devices
         ring, angle = (k + VIEW_ANGLES - 1) // VIEW_ANGLES, k * (2 * math.pi / VIEW_ANGLES)
         r = mirror.diameter_mm / 2 * ring / VIEW_RINGS
-        root = math.sqrt(max(mirror.radius_mm**2 - (1.0 + mirror.conic) * r * r, 0.0))
-        point = (r * math.cos(angle), r * math.sin(angle), r * r / (mirror.radius_mm + root))
+        point = (r * math.cos(angle), r * math.sin(angle), mirror.parent_sag_mm(r))
         away = [b - a for a, b in zip(device.position_mm, point, strict=True)]
         # divided before they are multiplied: lengths reach 1e12, and small ones must not vanish
         if sum(u / math.hypot(*away) * v / length for u, v in zip(away, look, strict=True)) > math.cos(MAX_VIEW_RAD):

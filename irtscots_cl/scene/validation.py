@@ -7,6 +7,7 @@ and pydantic are imported, so that the program starts fast.
 from __future__ import annotations
 
 import functools
+import math
 import re
 import typing
 from collections.abc import Callable
@@ -50,6 +51,12 @@ def _not_zero(value: float) -> float:
     return value
 
 
+def _mirror_radius(value: float) -> float:
+    if not (0.0 < abs(value) <= MAX_LENGTH_MM or value == math.inf):  # NaN fails too
+        raise PydanticCustomError("radius", "radius")
+    return value
+
+
 _ARRAY = (Strict(), WrapValidator(_whole))
 
 
@@ -87,6 +94,8 @@ OptionalSignedMm = Annotated[
     Annotated[float, Strict(), bounded(ge=-MAX_LENGTH_MM, le=MAX_LENGTH_MM), AfterValidator(_not_zero)] | None,
     Field(description=_SIGNED),
 ]
+_CURVED = f"{_SIGNED}, below 0 for a convex mirror, or inf for a flat one"
+MirrorRadiusMm = Annotated[float, Strict(), AfterValidator(_mirror_radius), Field(description=_CURVED)]
 _PERCENT = bounded(ge=0, le=1)
 OptionalFraction = Annotated[Annotated[float, Strict(), _PERCENT] | None, Field(description=_PERCENT.description)]
 _INDEX = bounded(ge=1, le=10)

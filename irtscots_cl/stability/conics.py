@@ -44,6 +44,11 @@ MIRRORS: dict[str, tuple[float, float, float, float]] = {
     "sphere off axis to the parent's edge": (1000.0, 0.0, 990.0, 19.9),
     "oblate ellipsoid off axis to the parent's edge": (1000.0, 0.2, 900.0, 25.0),
     "off-axis hyperboloid": (1000.0, -3.0, 3000.0, 900.0),
+    "flat": (float("inf"), 0.0, 0.0, 1064.0),
+    "convex sphere": (-3000.0, 0.0, 0.0, 1064.0),
+    "convex sphere f/0.3": (-638.4, 0.0, 0.0, 1064.0),
+    "convex hyperboloid, k = -2.5": (-4166.747, -2.5, 0.0, 1064.0),
+    "off-axis convex paraboloid": (-4166.747, -1.0, 1087.74, 1064.0),
 }
 # Mirrors whose parent has another half that lines could meet: a second sheet, or the part above its widest circle.
 HALVES: dict[str, tuple[float, float, float, float]] = {
@@ -52,6 +57,9 @@ HALVES: dict[str, tuple[float, float, float, float]] = {
     "sphere": (100.0, 0.0, 0.0, 120.0),
     "oblate ellipsoid": (100.0, 2.0, 0.0, 60.0),
     "off-axis sphere": (100.0, 0.0, 20.0, 100.0),
+    "convex hyperboloid, k = -100": (-100.0, -100.0, 0.0, 100.0),
+    "convex sphere": (-100.0, 0.0, 0.0, 120.0),
+    "off-axis convex hyperboloid": (-100.0, -30.0, 60.0, 90.0),
 }
 
 
@@ -88,7 +96,7 @@ def lines_through(points: np.ndarray, slopes: np.ndarray, precision: str) -> np.
 def _bundles(mirror: Mirror, points: np.ndarray, random: np.random.Generator) -> dict[str, np.ndarray]:
     """Slopes (p, q) [2, n] of lines through points [3, n]: parallel to z, from near the centre of curvature, random."""
     n = points.shape[1]
-    height = min(mirror.radius_mm, 1e4)
+    height = min(abs(mirror.radius_mm), 1e4)
     source = np.array([[0.05 * height], [0.0], [height]])
     away = points - source
     return {
@@ -132,7 +140,7 @@ def _other_half(mirror: tuple[float, float, float, float], bench: Bench) -> list
     probe, random, n = MeetProbe(bench.device, mirror_scene(made), bench.precision), np.random.default_rng(SEED), 4096
     slope, angle = 10 ** random.uniform(-1, 3, n), 2 * np.pi * random.random(n)
     points = np.stack([*random.uniform(-0.5, 0.5, (2, n)) * made.diameter_mm,
-                       random.uniform(-2, 2, n) * made.radius_mm])  # fmt: skip
+                       random.uniform(-2, 2, n) * abs(made.radius_mm)])  # fmt: skip
     lines = lines_through(points, slope * np.stack([np.cos(angle), np.sin(angle)]), bench.precision)
     met = probe(lines)
     right = ExactMirror(made).meet(lines[:, met.on_mirror])

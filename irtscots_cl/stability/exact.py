@@ -11,6 +11,7 @@ from math import comb
 
 import numpy as np
 
+from irtscots_cl.maths.frame import ALONG_Y
 from irtscots_cl.maths.zernike.indices import index_to_nm
 
 DIGITS = 50  # the factorial sums of radial order 40 lose 15 digits, roots close to a tangent 10 more
@@ -86,15 +87,19 @@ class ExactMet:
 
 
 class ExactMirror:
-    """A scene's mirror: parent conic X^2 + Y^2 + (1 + k) Z^2 = 2 R Z, the segment's frame, the deviation along z."""
+    """A scene's mirror: parent conic c (X^2 + Y^2 + (1 + k) Z^2) = 2 Z, the segment's frame, the deviation along z.
+
+    c: curvature 1 / radius_mm, below 0 if convex, 0 if flat.
+    """
 
     def __init__(self, mirror):
         one = NUMBERS.exact
-        self.mirror, self._radius, self._curved = mirror, one(mirror.radius_mm)[()], one(1.0)[()] + mirror.conic
-        d, r = one(mirror.off_axis_mm)[()], self._radius
-        root = NUMBERS.sqrt(1 - self._curved * (d / r) ** 2)[()]
-        self._centre = [d, 0, d * d / (r * (1 + root))]
-        slope = d / (r * root)  # of the parent at the segment's centre
+        self.mirror, self._curvature = mirror, 1 / one(mirror.radius_mm)[()]
+        self._curved = one(1.0)[()] + mirror.conic
+        d, c = one(mirror.off_axis_mm)[()], self._curvature
+        root = NUMBERS.sqrt(1 - self._curved * (d * c) ** 2)[()]
+        self._centre = [d, 0, c * d * d / (1 + root)]
+        slope = c * d / root  # of the parent at the segment's centre
         length = NUMBERS.sqrt(1 + slope * slope)[()]
         self._x, self._z = [1 / length, 0, slope / length], [-slope / length, 0, 1 / length]
 
@@ -102,24 +107,26 @@ class ExactMirror:
         return [self._x[0] * v[0] + self._z[0] * v[2], v[1], self._x[2] * v[0] + self._z[2] * v[2]]
 
     def _design(self, start, direction):
-        """Height z where lines cross the parent from its inside, nearest the vertex; NaN for lines that do not.
+        """Height z where lines cross the parent from its front, nearest the vertex; NaN for lines that do not.
 
-        Along a line F = X^2 + Y^2 + (1 + k) Z^2 - 2 R Z is a quadratic in z; light that comes down from the inside,
-        where F < 0, leaves through the root where F falls with z.
+        Along a line F = c (X^2 + Y^2 + (1 + k) Z^2) - 2 Z is a quadratic in z; light that comes down from the front,
+        where F < 0, meets the parent at the root where F falls with z.
         """
         a, d = self._in_parent(start), self._in_parent(direction)
         a = [c + v for c, v in zip(self._centre, a, strict=True)]
-        square = d[0] * d[0] + d[1] * d[1] + self._curved * d[2] * d[2]
-        half = a[0] * d[0] + a[1] * d[1] + self._curved * a[2] * d[2] - self._radius * d[2]
-        constant = a[0] * a[0] + a[1] * a[1] + self._curved * a[2] * a[2] - 2 * self._radius * a[2]
+        c = self._curvature
+        square = c * (d[0] * d[0] + d[1] * d[1] + self._curved * d[2] * d[2])
+        half = c * (a[0] * d[0] + a[1] * d[1] + self._curved * a[2] * d[2]) - d[2]
+        constant = c * (a[0] * a[0] + a[1] * a[1] + self._curved * a[2] * a[2]) - 2 * a[2]
         below = NUMBERS.sqrt(half * half - square * constant) - half
         safe = np.where(below == 0, 1, below)
         return np.where(below == 0, NUMBERS.context.nan, constant / safe)
 
     def _normal(self, point):
-        """Upward gradient of the parent [3][n] at points of the segment's frame, in that frame; over R."""
+        """Upward gradient of the parent [3][n] at points of the segment's frame, in that frame, and its part along the
+        parent's axis."""
         p = [c + v for c, v in zip(self._centre, self._in_parent(point), strict=True)]
-        g = [-p[0] / self._radius, -p[1] / self._radius, 1 - self._curved * p[2] / self._radius]
+        g = [-p[0] * self._curvature, -p[1] * self._curvature, 1 - self._curved * p[2] * self._curvature]
         return [dot(self._x, g), g[1], dot(self._z, g)], g[2]
 
     def deviation(self, x, y):
@@ -167,7 +174,7 @@ class ExactMirror:
             normal, _ = self._normal(lowered)
             normal = [normal[0] - normal[2] * slope_x, normal[1] - normal[2] * slope_y, normal[2]]
             p = [c + v for c, v in zip(self._centre, self._in_parent(lowered), strict=True)]
-            up = p[2] - (p[0] * p[0] + p[1] * p[1] + self._curved * p[2] * p[2]) / (2 * self._radius)
+            up = p[2] - (p[0] * p[0] + p[1] * p[1] + self._curved * p[2] * p[2]) * self._curvature / 2
             z = z - up / dot(normal, direction)
         return [s + z * d for s, d in zip(start, direction, strict=True)], normal
 
@@ -201,12 +208,19 @@ def zernike_exact(n: int, m: int, x, y):
 
 
 class ExactFrame:
-    """A screen's or camera's frame: +z away from the point it looks at, x = unit(Y x z), y = z x x."""
+    """A screen's or camera's frame: +z away from the point it looks at, x = unit(Y x z), y = z x x.
+
+    A device that looks within ALONG_Y of the world's Y looks along it, with the world's X as x.
+    """
 
     def __init__(self, position_mm, look_at_mm):
         self.position = [NUMBERS.exact(c)[()] for c in position_mm]
         z = unit([c - NUMBERS.exact(v)[()] for c, v in zip(self.position, look_at_mm, strict=True)])
-        x = unit([z[2], z[0] * 0, -z[0]])
+        if z[0] * z[0] + z[2] * z[2] <= ALONG_Y**2:
+            z = [z[0] * 0, z[0] * 0 + (1 if z[1] > 0 else -1), z[0] * 0]
+            x = [z[0] + 1, z[0], z[0]]
+        else:
+            x = unit([z[2], z[0] * 0, -z[0]])
         self.axes = [x, [z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]], z]
 
     def arrive(self, point, direction):

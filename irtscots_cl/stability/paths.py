@@ -103,7 +103,9 @@ def _places() -> dict[str, Scene]:
     ellipsoid = Mirror(radius_mm=3000.0, conic=-0.25, diameter_mm=1000.0)
     shallow = Mirror(radius_mm=1e5, diameter_mm=1000.0)
     small = Mirror(radius_mm=50.0, diameter_mm=20.0)
-    plane = Mirror(radius_mm=1e12, diameter_mm=300.0)
+    plane, flat = (Mirror(radius_mm=radius, diameter_mm=300.0) for radius in (1e12, float("inf")))
+    convex = Mirror(radius_mm=-3000.0, conic=-2.0, diameter_mm=300.0)
+    along_y = {"screen": {"look_at_mm": (20.0, 0.0, 100.0)}, "camera": {"look_at_mm": (-20.0, 0.0, 100.0)}}
     bent = {"screen": {"look_at_mm": (800.0, -300.0, 0.0)}, "camera": {"look_at_mm": (50.0, 20.0, 0.0)}}
     on_axis = (0.0, 0.0, 4166.747)
     slight, strong = (
@@ -124,6 +126,9 @@ def _places() -> dict[str, Scene]:
         "100 m away, lines of 1 mm": scene_of(shallow, *_sides(1e5, 0.1), 1.0),
         "50 mm away": scene_of(small, *_sides(50.0, 10), 0.0025),
         "a plane mirror": scene_of(plane, *_sides(2000.0, 10), 0.1),
+        "a flat mirror": scene_of(flat, *_sides(2000.0, 10), 0.1),
+        "a convex mirror": scene_of(convex, *_sides(1000.0, 20), 0.1),
+        "both look along Y": scene_of(flat, (-20.0, 600.0, 100.0), (20.0, -600.0, 100.0), 0.1, **along_y),
         "60 degrees to either side": scene_of(plane, *_sides(2000.0, 60), 0.1),
         "85 degrees to either side": scene_of(plane, *_sides(2000.0, 85), 0.1),
         "88.9 degrees to either side": scene_of(plane, *_sides(2e4, 88.9), 1.0),

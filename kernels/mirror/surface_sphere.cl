@@ -1,6 +1,6 @@
-// Mirror surface: sphere, concave toward +Z. Frame: the mirror's (origin at the vertex, +Z along the normal). Unit: mm.
+// Mirror surface: sphere. Frame: the mirror's (origin at the vertex, +Z along the normal). Unit: mm.
 // In the quadric form shared by the surface_* files, q_xx x^2 + q_yy y^2 + q_zz z^2 + 2 q_xz x z - 2 z = 0, a sphere
-// has q_xx = q_yy = q_zz = 1 / radius and q_xz = 0.
+// has q_xx = q_yy = q_zz = 1 / radius and q_xz = 0. The radius is below 0 for a convex mirror.
 #include "quadric.cl"
 
 // Where the line (x0 + p z, y0 + q z, z) meets the surface: the root nearest the vertex. All numbers have the size of

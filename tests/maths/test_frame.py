@@ -59,6 +59,39 @@ def test_aim_of_undoes_looking(position, look_at, turn, distance):
     assert np.linalg.norm(place - other_look_at) == pytest.approx(distance)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("off", [0.0, 1e-11, -3e-10])  # mm: at most 1e-12 rad
+def test_a_device_that_looks_along_y_has_the_worlds_x(sign, off):
+    frame = Frame.looking((40.0 + off, sign * 700.0, 30.0 - off), (40.0, 0.0, 30.0))
+    np.testing.assert_array_equal(frame.axes, [[1, 0, 0], [0, 0, -sign], [0, sign, 0]])
+    assert np.linalg.det(frame.axes) == 1  # right-handed
+
+
+def test_a_device_that_nearly_looks_along_y_has_the_x_axis_of_the_rule():
+    """No rounding disturbs it: from 1e-9 mm beside the line of 700 mm the axis is that from 100 mm beside it."""
+    for angle in np.radians([10.0, 130.0, 250.0, 359.0]):
+        far, near = (Frame.looking((size * np.sin(angle), 700.0, size * np.cos(angle)), (0.0, 0.0, 0.0))
+                     for size in (100.0, 1e-9))  # fmt: skip
+        np.testing.assert_allclose(near.axes[0], far.axes[0], rtol=0, atol=1e-15)  # rounding
+        np.testing.assert_allclose(near.axes @ near.axes.T, np.eye(3), rtol=0, atol=1e-15)
+
+
+def test_a_device_that_turns_from_z_to_y_keeps_its_x_axis():
+    for angle in np.radians([0.0, 60.0, 89.9999, 90.0]):
+        frame = Frame.looking((5.0, 900 * np.sin(angle), 900 * np.cos(angle)), (5.0, 0.0, 0.0))
+        np.testing.assert_array_equal(frame.axes[0], [1.0, 0.0, 0.0])
+
+
+def test_rays_that_do_not_come_onto_a_devices_front_do_not_arrive():
+    frame = Frame.looking((0.0, 0.0, 1000.0), (0.0, 0.0, 0.0))  # its front looks down
+    starts = np.array([[3.0, 4.0, 0.0], [3.0, 4.0, 0.0], [3.0, 4.0, 0.0], [3.0, 4.0, 1500.0], [3.0, 4.0, 1500.0]])
+    directions = np.array([[0.0, 0.0, 2.0], [0.0, 0.0, -2.0], [1.0, 0.0, 0.0], [0.0, 0.0, 2.0], [0.0, 0.0, -2.0]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v = frame.arrive(starts, directions, in_front=True)
+    np.testing.assert_array_equal(u, [3.0, np.nan, np.nan, np.nan, np.nan])
+    np.testing.assert_array_equal(v, [4.0, np.nan, np.nan, np.nan, np.nan])
+
+
 def test_to_world_and_arrive_undo_each_other():
     frame = Frame.looking((300.0, -150.0, 2000.0), (5.0, 40.0, -3.0))
     generator = np.random.default_rng(2)
@@ -81,6 +114,11 @@ CONICS = [
     (4166.747, -0.7154, 1087.74),
     (1500.0, 0.4, 300.0),
     (1000.0, 0.0, 250.0),
+    (-1000.0, 0.0, 0.0),
+    (-1500.0, -2.5, 0.0),
+    (-2000.0, 0.7, 0.0),
+    (-1000.0, -1.0, 200.0),
+    (-1500.0, -4.0, 300.0),
 ]
 
 

@@ -19,9 +19,15 @@ import numpy as np
 
 
 def device_axes(position_mm, look_at_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit vectors of a device's frame: z from what it looks at back to it, x = unit(Y x z), y = z x x."""
+    """Unit vectors of a device's frame: z from what it looks at back to it, x = unit(Y x z), y = z x x.
+
+    A device that looks along the world's Y has the world's x.
+    """
     z = np.subtract(position_mm, look_at_mm)
     z = z / math.sqrt(z @ z)
+    if abs(z[1]) == 1.0:
+        x = np.array([1.0, 0.0, 0.0])
+        return x, np.cross(z, x), z
     x = np.cross([0.0, 1.0, 0.0], z)
     x = x / math.sqrt(x @ x)
     return x, np.cross(z, x), z

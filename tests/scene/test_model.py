@@ -75,7 +75,7 @@ def test_fringe_order_bound_is_that_of_the_index_table():
         ("camera.detector.pixels", [4097, 4096], "[4097, 4096]", "be at most 16777216 pixels in all"),
         ("screen.position_mm", [0, 0, 0], "[0.0, 0.0, 0.0]",
          "differ from look_at_mm, for a direction to look in"),
-        ("screen.position_mm", [0, 9, 0], "[0.0, 9.0, 0.0]", "not lie along Y from look_at_mm: no x axis"),
+        ("screen.position_mm", [0, 9, 0], "[0.0, 9.0, 0.0]", "lie in front of the mirror: z above 0.009719823939"),
         ("screen.position_mm", [0, 0, -1], "[0.0, 0.0, -1.0]", "lie in front of the mirror: z above 0"),
         # R - sqrt(R^2 - 532^2) = 34.101774238
         ("camera.position_mm", [800, 0, 34], "[800.0, 0.0, 34.0]",
@@ -111,6 +111,53 @@ def test_a_conic_that_ends_inside_the_rim_names_the_largest_diameter():
     assert refusal(changed("mirror", "off_axis_mm", to=4000)) == line.format(333.494)  # 2 (R - 4000)
 
 
+@pytest.mark.parametrize(
+    ("mirror", "line"),
+    [
+        # the same limits as of the concave mirror of this radius
+        ({"radius_mm": -500.0}, "diameter_mm = 1064.0: must be below 1000, where the conic ends"),
+        ({"radius_mm": -4000.0, "off_axis_mm": 3900.0}, "diameter_mm = 1064.0: must be below 200, where the conic ends"),
+        ({"radius_mm": -4000.0, "off_axis_mm": 4000.0}, "off_axis_mm = 4000.0: must be below 4000, where the conic ends"),
+        ({"radius_mm": math.inf, "conic": -1.0},
+         "conic = -1.0: must be 0 for a flat mirror; a finite radius_mm makes it curved"),
+        ({"radius_mm": math.inf, "off_axis_mm": 5.0},
+         "off_axis_mm = 5.0: must be 0 for a flat mirror; a finite radius_mm makes it curved"),
+    ],
+)  # fmt: skip
+def test_a_convex_or_flat_mirror_that_cannot_be_is_refused(mirror, line):
+    data = changed("mirror", to=BASE["mirror"] | mirror)
+    assert refusal(data) == f"my.toml: mirror.{line}"
+
+
+@pytest.mark.parametrize("radius", [-4000.0, -600.0, math.inf])
+@pytest.mark.parametrize("key", ["camera", "screen"])
+def test_a_device_in_front_of_a_convex_or_flat_mirror_is_above_its_vertex(radius, key):
+    data = changed("mirror", "radius_mm", to=radius)
+    for x in (0.0, 800.0):  # over the mirror, and beside it, where the rim is lower than the vertex
+        data[key]["position_mm"], data[key]["look_at_mm"] = [x, 0.0, -0.001], [1.0, 0.0, -500.0]
+        line = f"my.toml: {key}.position_mm = [{x}, 0.0, -0.001]: must lie in front of the mirror: z above 0"
+        assert refusal(data) == line
+        data[key]["position_mm"] = [x, 0.0, 1.0]
+        Scene.from_dict(data)
+
+
+@pytest.mark.parametrize("radius", [4000.0, -4000.0, -600.0])
+def test_the_parents_sag_is_that_of_its_sphere(radius):
+    for r in (0.0, 3.0, 532.0):
+        sag = radius - math.copysign(math.sqrt(radius**2 - r**2), radius)
+        assert Mirror(radius, 1064.0).parent_sag_mm(r) == pytest.approx(sag, abs=2e-12)  # mm: rounding of the radius
+    assert Mirror(math.inf, 1064.0).parent_sag_mm(532.0) == 0.0
+
+
+def test_a_device_may_look_along_y():
+    data = changed("screen", "position_mm", to=[30.0, 2000.0, 700.0])
+    for y in (0.0, -2000.0):
+        data["screen"]["look_at_mm"] = [30.0, y, 700.0]
+        Scene.from_dict(data)
+    data["screen"]["look_at_mm"] = [30.0, 3000.0, 700.0]  # with its back to the mirror
+    assert "must look from position_mm within 89 degrees of some point of the mirror" in refusal(data)
+
+
 def test_the_largest_allowed_values_are_accepted():
     for steps, value in (
         (("mirror", "diameter_mm"), 1063.9),
@@ -120,13 +167,16 @@ def test_the_largest_allowed_values_are_accepted():
         (("camera", "position_mm"), [800.0, 0, 35.0]),
         (("camera", "focus_distance_mm"), 16.01),
         (("mirror", "radius_mm"), 1e12),
+        (("mirror", "radius_mm"), -1e12),
+        (("mirror", "radius_mm"), math.inf),
         (("name",), "n" * 64),
     ):
         Scene.from_dict(changed(*steps, to=value))
     for conic in (-1.0, -3.0, -1e6):  # paraboloids and hyperboloids have no rim to reach
         Mirror(100.0, 1e6, conic)
     Mirror(1e-300, 1.0, -1.0)  # its square underflows
-    assert Mirror(100.0, 199.9).diameter_mm == 199.9  # almost the whole half sphere
+    for radius in (100.0, -100.0):
+        assert Mirror(radius, 199.9).diameter_mm == 199.9  # almost the whole half sphere
 
 
 # --- Python -------------------------------------------------------------------------------------------------
@@ -198,7 +248,11 @@ def scenes(draw):
     off_axis = min(draw(st.floats(0.0, 0.4)) * reach, 1e6)
     hole = draw(st.floats(0.0, 0.99)) * diameter
     deviation = tuple(draw(st.lists(terms, max_size=2)))
-    mirror = Mirror(radius, diameter, conic, off_axis, hole, draw(fractions), deviation)
+    curved = Mirror(
+        draw(st.sampled_from([1, -1])) * radius, diameter, conic, off_axis, hole, draw(fractions), deviation
+    )
+    flat = dataclasses.replace(curved, radius_mm=math.inf, conic=0.0, off_axis_mm=0.0)
+    mirror = draw(st.sampled_from([curved, flat]))
     height = diameter * 6 + draw(lengths) + 1e4
     position = st.tuples(offsets, offsets, st.just(height))
     target = st.tuples(offsets, offsets, st.just(0.0))

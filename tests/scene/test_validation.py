@@ -17,6 +17,7 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
 
 LENGTH = "a finite number above 0 and at most 1e+12"
+RADIUS = "a number other than 0 within 1e+12, below 0 for a convex mirror, or inf for a flat one"
 POINT = "[x, y, z], three finite numbers within 1e+12"
 GRID = "[columns, rows], two integers from 1 to 16384"
 NAME = "1 to 64 characters of A-Z a-z 0-9 . _ - without a leading dot"
@@ -30,13 +31,16 @@ NOLL = "a noll index from 1 to 861, of radial order at most 40"
     [
         ("mirror.diameter_mm", -3.0, "-3.0", LENGTH),
         ("mirror.diameter_mm", 0, "0", LENGTH),
-        ("mirror.radius_mm", -4000.0, "-4000.0", LENGTH),
-        ("mirror.radius_mm", 1.1e12, "1100000000000.0", LENGTH),
-        ("mirror.radius_mm", True, "True", LENGTH),
-        ("mirror.radius_mm", "3", "'3'", LENGTH),
-        ("mirror.radius_mm", math.nan, "nan", LENGTH),
-        ("mirror.radius_mm", math.inf, "inf", LENGTH),
-        ("mirror.radius_mm", 10**400, f"1{'0' * 36}...", LENGTH),
+        ("mirror.radius_mm", 0.0, "0.0", RADIUS),
+        ("mirror.radius_mm", -0.0, "-0.0", RADIUS),
+        ("mirror.radius_mm", 1.1e12, "1100000000000.0", RADIUS),
+        ("mirror.radius_mm", -1.1e12, "-1100000000000.0", RADIUS),
+        ("mirror.radius_mm", True, "True", RADIUS),
+        ("mirror.radius_mm", "3", "'3'", RADIUS),
+        ("mirror.radius_mm", math.nan, "nan", RADIUS),
+        ("mirror.radius_mm", -math.inf, "-inf", RADIUS),
+        ("mirror.radius_mm", 10**400, f"1{'0' * 36}...", RADIUS),
+        ("mirror.diameter_mm", math.inf, "inf", LENGTH),
         ("mirror.off_axis_mm", -1.0, "-1.0", "a finite number at least 0 and at most 1e+12"),
         ("mirror.conic", -2e6, "-2000000.0", MILLION),
         ("mirror.reflectance", 0.0, "0.0", FRACTION),
@@ -126,7 +130,7 @@ def test_an_integer_is_taken_for_a_float_and_becomes_one():
 
 def test_constructors_refuse_with_the_same_lines():
     cases = [
-        (lambda: Mirror(-1.0, 2.0), f"Mirror: radius_mm = -1.0: must be {LENGTH}"),
+        (lambda: Mirror(0.0, 2.0), f"Mirror: radius_mm = 0.0: must be {RADIUS}"),
         (lambda: Mirror(1.0), f"Mirror: diameter_mm: missing; needs {LENGTH}"),
         (lambda: Detector((1, 1), pich_mm=1.0), "Detector: pich_mm: unknown key; did you mean pitch_mm?"),
         (lambda: Detector({1, 2}, 1.0), f"Detector: pixels = {{1, 2}}: must be {GRID}"),  # a set has no order
@@ -217,7 +221,7 @@ def test_any_finite_number_anywhere_is_refused_or_loads(path, number, element):
 
 
 def test_values_that_cannot_be_printed_are_refused():
-    line = f"my.toml: mirror.radius_mm = <{{}}>: must be {LENGTH}"
+    line = f"my.toml: mirror.radius_mm = <{{}}>: must be {RADIUS}"
     digits = 10**5000  # repr raises above 4300 of them
     assert refusal(changed("mirror", "radius_mm", to=digits)) == line.format("int")
     deep = []

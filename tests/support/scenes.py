@@ -2,22 +2,49 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from pathlib import Path
 
 from lopsided import lopsided
 from real_setup import REAL
 
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
-from irtscots_cl.scene.mirror import Mirror
+from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
+CURVATURES = ("convex", "flat", "lopsided-convex", "sideways")  # not concave; names of scene_of
+
+
 def scene_of(name: str) -> Scene:
-    """A preset, the lop-sided scene in which no two lengths are equal, or one of REAL with what real set-ups have."""
+    """A preset, an example with a mirror that is not concave, the lop-sided scene in which no two lengths are equal, or
+    one of REAL with what real set-ups have.
+
+    "lopsided-convex": its mirror bent the other way, before a larger screen. "sideways": devices that look along Y.
+    """
     if name in REAL:
         return REAL[name]()
+    if name in ("convex", "flat"):
+        return load_scene(str(EXAMPLES / f"{name}.toml"))
+    if name == "lopsided-convex":
+        return with_part(with_part(lopsided(), "mirror", radius_mm=-1500.0), "screen", pitch_mm=20.0, pixels=(69, 51))
+    if name == "sideways":
+        return sideways()
     return lopsided() if name == "lopsided" else load_scene(name)
+
+
+def sideways() -> Scene:
+    """A flat mirror at grazing incidence between a camera that looks along -Y and a screen that looks along +Y."""
+    camera = Camera(
+        position_mm=(-20.0, 1500.0, 300.0), look_at_mm=(-20.0, 0.0, 300.0), aperture_diameter_mm=2.0,
+        focal_length_mm=16.0, detector=Detector(pixels=(240, 240), pitch_mm=0.0375),
+    )  # fmt: skip
+    screen = Screen(position_mm=(20.0, -1500.0, 300.0), look_at_mm=(20.0, 0.0, 300.0), pixels=(280, 80), pitch_mm=5.0)
+    terms = ZernikeTerms(radius_mm=300.0, ordering="noll", coefficients_um={5: 1.0, 8: -0.7})
+    return Scene("sideways", Mirror(radius_mm=math.inf, diameter_mm=600.0, zernike=(terms,)), screen, camera)
 
 
 def with_part(scene: Scene, part: str, **changes) -> Scene:

@@ -7,11 +7,21 @@ import pytest
 from lopsided import lopsided
 from oracle import tracer
 from oracle_rays import adjoint_rays, forward_rays
-from scenes import scene_of
+from scenes import CURVATURES, with_part
+from scenes import scene_of as scene_by_name
 
 from irtscots_cl.scene.presets import load_scene, sequential_presets
 
-SCENES = [*sequential_presets(), "lopsided"]
+SCENES = [*sequential_presets(), "lopsided", *CURVATURES]
+
+
+def scene_of(name):
+    """Of a mirror that is not concave hardly any ray would pass the camera's aperture: it is wider here."""
+    scene = scene_by_name(name)
+    wide = {"sideways": 10.0}.get(name, 60.0)
+    return with_part(scene, "camera", aperture_diameter_mm=wide) if name in CURVATURES else scene
+
+
 LANDING_MM = {"fp32": 1e-3, "fp64": 1e-6}  # 1 um and 1 nm: 1/200 and 1/200,000 of a screen pixel
 MIRROR_MM = {"fp32": 1e-3, "fp64": 1e-6}  # the same: 1/10,000 of a detector pixel's footprint
 WEIGHT = {"fp32": 1e-6, "fp64": 1e-14}  # of 1: ten roundings
@@ -38,9 +48,12 @@ def rim_distance(scene, points):
 def test_forward_paths(device, precision, name):
     scene = scene_of(name)
     rays = forward_rays(device, scene, precision)
-    paths, oracle, tolerance = rays.paths, rays.oracle, LANDING_MM[precision]
+    # lines that pass a metre beside the aperture lose more of their digits
+    tolerance = (2 if name in CURVATURES else 1) * LANDING_MM[precision]
+    paths, oracle = rays.paths, rays.oracle
     met = oracle.on_mirror
-    assert len(paths) >= 20_000 and met.mean() > 0.9  # the aim covers the mirror closely
+    # the aim covers the mirror closely, or where pixels are large against it less so
+    assert len(paths) >= 20_000 and met.mean() > (0.6 if name in CURVATURES else 0.9)
     assert worst((paths[:, 0:2] - ground(oracle))[met]) < MIRROR_MM[precision]
     assert worst((paths[:, 2:5] - oracle.mirror)[met]) < MIRROR_MM[precision]
     assert worst((paths[:, 5:7] - oracle.aperture)[met]) < tolerance
@@ -65,15 +78,17 @@ def test_forward_paths_land_on_the_detector_pixel_that_the_lens_images_them_to(d
     footprint = (
         scene.camera.detector.pitch_mm * tracer.focus_distance(scene.camera) / tracer.image_distance(scene.camera)
     )
-    margin = 2 * LANDING_MM[precision] / footprint  # position and slope each within the landing tolerance
+    # position and slope each within the landing tolerance; four times for rays that pass a metre beside the aperture
+    margin = (8 if name in CURVATURES else 2) * LANDING_MM[precision] / footprint
     off_centre = np.maximum(np.abs(column - np.round(column)), np.abs(row - np.round(row)))
     clear = rays.oracle.on_mirror & (0.5 - off_centre > margin)
     column, row = np.floor(column + 0.5).astype(int), np.floor(row + 0.5).astype(int)
     on = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     expected = np.where(on, row * columns + column, -1)
-    assert clear.sum() >= 20_000 and len(np.unique(expected[clear])) > 3000
+    assert clear.sum() >= 15_000 and len(np.unique(expected[clear])) > 3000
     np.testing.assert_array_equal(rays.marks[clear, 2], expected[clear])
-    assert (name == "lopsided") == bool((expected[clear] < 0).any())  # its mirror image is larger than the detector
+    # the lop-sided mirror's image is larger than the detector; others' rays pass far beside the aperture
+    assert (name in ("lopsided", "convex", "flat", "lopsided-convex")) == bool((expected[clear] < 0).any())
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -82,7 +97,7 @@ def test_adjoint_paths(device, precision, name):
     rays = adjoint_rays(device, scene, precision)
     paths, oracle = rays.paths, rays.oracle
     met = oracle.on_mirror
-    assert met.sum() >= 20_000
+    assert met.sum() >= (3000 if name == "sideways" else 20_000)  # most of its pixels see the mirror at their edge
     assert worst((paths[:, 0:2] - ground(oracle))[met]) < MIRROR_MM[precision]
     assert worst((paths[:, 2:5] - oracle.mirror)[met]) < MIRROR_MM[precision]
     assert worst((paths[:, 5:7] - oracle.screen)[met]) < LANDING_MM[precision]

@@ -63,7 +63,8 @@ def components_of(scene: Scene) -> tuple[Component, ...]:
 
 def _mirror(scene: Scene) -> Component:
     surface = Surface.of(scene.mirror)
-    shape = "quadric" if surface.deviation is None else "deviated"
+    plain = "plane" if scene.mirror.is_flat else "quadric"
+    shape = plain if surface.deviation is None else "deviated"
     frame = Frame(np.zeros(3), np.eye(3))
     return Component("mirror", "mirror", shape, frame, surface.quadric, surface.aperture_radius_mm,
                 surface.obscuration_radius_mm, reflectance=scene.mirror.reflectance,
@@ -95,10 +96,7 @@ def _element(element: Element) -> Component:
     curved = element.radius_mm is not None
     quadric = PLANE
     if curved:
-        # centre behind the surface: the same conic, seen from the other side
-        quadric = Quadric.conic(abs(element.radius_mm), element.conic, element.off_axis_mm)
-        if element.radius_mm < 0:
-            quadric = Quadric(-quadric.q_xx, -quadric.q_yy, -quadric.q_zz, quadric.q_xz)
+        quadric = Quadric.conic(element.radius_mm, element.conic, element.off_axis_mm)
     width, height = element.size_mm or (np.inf, np.inf)
     reflectance = element.reflectance
     if reflectance is None:

@@ -17,6 +17,7 @@ from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import LocalMemory
 from irtscots_cl.opencl.program import check_precision, compose
 from irtscots_cl.opencl.structs import WEIGHT_ONE, Fate
+from irtscots_cl.optics.aim import mirror_rings, screen_corners
 from irtscots_cl.optics.screen_facets import ScreenFacets
 from irtscots_cl.optics.screen_windows import Windows
 from irtscots_cl.optics.setup import Setup
@@ -30,7 +31,7 @@ from irtscots_cl.tracing.results.transport import LineLight, Transport, ledger_f
 
 MARGINS = (1, 2, 4, 8)  # screen pixels; a larger error of the chief rays is a bug
 MAX_TILE_BYTES = 2**19  # a larger detector tile would leave the core's cache
-RIM_POINTS = 64  # of the mirror, where it is compared with the screen's plane
+RINGS = 4  # on the mirror, of points that are compared with the screen's plane
 TILE_BYTES_PER_RAY = 4  # with more, clearing and merging a tile costs more than its rays' atomics
 
 
@@ -69,14 +70,37 @@ def trace_rays(
 
 
 def _check_in_front(setup: Setup) -> None:
-    """Raise ValueError if part of the mirror is behind the plane of a screen pixel, where none of its rays go."""
-    surface = setup.chief_rays.surface
-    angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
-    x, y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
-    if not ScreenFacets.of(setup.chief_rays).sees(np.stack([x, y, surface.sag(x, y)], -1)):
+    """Raise ValueError if part of the mirror is behind the plane of a screen pixel, where none of its rays go, or not
+    below the screen: the kernels follow light that falls onto the mirror."""
+    chief = setup.chief_rays
+    facets, points = ScreenFacets.of(chief), mirror_rings(chief.surface, RINGS).reshape(-1, 3)
+    lowest, highest = float(facets.points[:, 2].min()), max(float(points[:, 2].max()), 0.0)
+    if facets.is_flat:
+        lowest = float(screen_corners(chief)[:, 2].min())
+    if not lowest > highest:
+        raise ValueError(
+            f"scene {setup.scene.name}: --estimator forward: pixels of the screen are at z = {lowest:.6g} mm; must be "
+            f"above the whole mirror, which is up to {highest:.6g} mm high, or another --estimator"
+        )
+    if not facets.sees(points):
         raise ValueError(
             f"scene {setup.scene.name}: --estimator forward: part of the mirror is behind the screen's plane, and its "
             "rays are aimed at the whole mirror; must be all in front of it, or another --estimator"
+        )
+
+
+def _check_camera_above(setup: Setup) -> None:
+    """Raise ValueError if the camera is not above the points of the mirror that it sees: its rays go down to them."""
+    chief, camera = setup.chief_rays, setup.scene.camera
+    frame = chief.camera_frame
+    lowest = frame.position_mm[2] - camera.aperture_diameter_mm / 2 * np.hypot(*frame.axes[:2, 2])
+    seen = chief.rims[0][chief.sees_mirror]
+    on = chief.surface.contains(seen[..., 0], seen[..., 1])
+    highest = seen[..., 2][on].max(initial=-np.inf)
+    if not lowest > highest:
+        raise ValueError(
+            f"scene {setup.scene.name}: --estimator adjoint: the camera's aperture is at z = {lowest:.6g} mm; must be "
+            f"above what it sees of the mirror, which is up to {highest:.6g} mm high"
         )
 
 
@@ -159,6 +183,7 @@ class SequentialTask:
             structs, area = emitters(self.setup, options.precision, options.overfill, options.aim)
             unit = (gain * screen.pixel_area_mm2 * area).reshape(screen.pixels[::-1])
             return structs, windows.gather(unit)
+        _check_camera_above(self.setup)
         chief = self.setup.chief_rays
         area = np.pi / 4 * camera.aperture_diameter_mm**2 * chief.camera_model.pixel_area_mm2
         unit = gain * area / camera.image_distance_mm**2 * relative_flux(chief, windows.pixels) / WEIGHT_ONE

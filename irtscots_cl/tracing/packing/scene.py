@@ -103,6 +103,8 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
 
 
 def _surface_file(mirror) -> str:
+    if mirror.is_flat:
+        return "flat"
     if mirror.conic == 0:
         return "sphere"  # also off axis: every point of a sphere is a vertex
     return "off_axis" if mirror.off_axis_mm != 0 else "conic"
