@@ -23,7 +23,7 @@ class Quadric:
 
     @classmethod
     def conic(cls, radius_mm: float, conic: float = 0.0, off_axis_mm: float = 0.0) -> Quadric:
-        """Conic of vertex radius radius_mm (below 0: convex; inf: a plane), seen from its point at off_axis_mm from the axis.
+        """Conic of vertex radius radius_mm (below 0: convex; inf: a plane), seen from its point at off_axis_mm.
 
         The segment's frame has +Z along the normal and +X away from the parent's axis.
         """

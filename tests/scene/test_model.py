@@ -116,8 +116,10 @@ def test_a_conic_that_ends_inside_the_rim_names_the_largest_diameter():
     [
         # the same limits as of the concave mirror of this radius
         ({"radius_mm": -500.0}, "diameter_mm = 1064.0: must be below 1000, where the conic ends"),
-        ({"radius_mm": -4000.0, "off_axis_mm": 3900.0}, "diameter_mm = 1064.0: must be below 200, where the conic ends"),
-        ({"radius_mm": -4000.0, "off_axis_mm": 4000.0}, "off_axis_mm = 4000.0: must be below 4000, where the conic ends"),
+        ({"radius_mm": -4000.0, "off_axis_mm": 3900.0},
+         "diameter_mm = 1064.0: must be below 200, where the conic ends"),
+        ({"radius_mm": -4000.0, "off_axis_mm": 4000.0},
+         "off_axis_mm = 4000.0: must be below 4000, where the conic ends"),
         ({"radius_mm": math.inf, "conic": -1.0},
          "conic = -1.0: must be 0 for a flat mirror; a finite radius_mm makes it curved"),
         ({"radius_mm": math.inf, "off_axis_mm": 5.0},
