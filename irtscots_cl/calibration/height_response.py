@@ -42,8 +42,9 @@ class HeightResponse:
         """method: of integrate_slopes. Raises the errors of seen_pixels."""
         seen = seen or seen_pixels(setup)
         changes = ray_changes(setup.chief_rays, *seen.pixels)
-        inverse = np.linalg.inv(np.moveaxis(changes.by_slope, 0, 1))  # [n, slope, place]
-        return cls(seen, method, changes.by_height, np.moveaxis(inverse, 0, -1), low_order_basis(seen))
+        (xx, xy), (yx, yy) = changes.by_slope.transpose(0, 2, 1)
+        from_places = np.array([[yy, -xy], [-yx, xx]]) / (xx * yy - xy * yx)
+        return cls(seen, method, changes.by_height, from_places, low_order_basis(seen))
 
     def heights_mm(self, places_mm: FloatArray) -> FloatArray:
         """Heights [maps, n] in mm from changes (du, dv) [maps, 2, n] in mm of the pixels in seen.mask; mean 0.
@@ -63,9 +64,9 @@ class HeightResponse:
         )
 
     def _integrated(self, places_mm: FloatArray) -> FloatArray:
-        slopes = np.einsum("abn,mbn->amn", self.from_places, places_mm)
+        slope_x, slope_y = self.seen.on_grid(np.einsum("abn,mbn->amn", self.from_places, places_mm))
         seen = self.seen
-        maps = integrate_slopes(seen.x_mm, seen.y_mm, *seen.on_grid(slopes), seen.mask, self.method)
+        maps = integrate_slopes(seen.x_mm, seen.y_mm, slope_x, slope_y, seen.mask, self.method)
         return maps[:, seen.mask]
 
     def left(self, heights: FloatArray) -> FloatArray:

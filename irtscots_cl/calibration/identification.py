@@ -10,7 +10,7 @@ import numpy as np
 from irtscots_cl.calibration.height_response import HeightResponse
 from irtscots_cl.calibration.jacobian import centroid_jacobian
 from irtscots_cl.calibration.lookalikes import Lookalike, lookalikes
-from irtscots_cl.calibration.measures import Measure, ranked_measures
+from irtscots_cl.calibration.measures import Measure, plan, ranked_measures
 from irtscots_cl.calibration.observability import (
     NOLLS,
     Direction,
@@ -41,6 +41,7 @@ class Identification:
     alike: list[Lookalike] = field(repr=False)
     zernikes: tuple[ZernikeError, ...] = field(repr=False)
     measures: list[Measure] = field(repr=False)
+    plan: list[Measure] = field(repr=False)
     height_nm: FloatArray
     height_of_noise_nm: FloatArray
 
@@ -78,6 +79,7 @@ def identify(
         alike=lookalikes(priors.names, jacobian.reshape(-1, len(names))[:, free], heights[free], response),
         zernikes=zernike_errors(observation),
         measures=ranked_measures(observation),
+        plan=plan(observation),
         height_nm=observation.rms_nm(covariance[p:, p:]),
         height_of_noise_nm=observation.rms_nm(noise),
     )

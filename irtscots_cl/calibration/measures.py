@@ -24,6 +24,7 @@ from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.surface import Surface
 
 SHARE = 0.9  # of what perfect knowledge of a number buys, in mean squares: how well it needs to be measured
+PLAN_SHARE = 0.01
 REMOUNT_MM, REMOUNT_RAD = 0.05, float(np.radians(0.01))  # of a mirror taken out and put back, to the same stops
 REFERENCE_UM = 0.005  # rms figure of a reference that is not known
 TURNS = ((0.0, 90.0), (0.0, 120.0), (0.0, 120.0, 240.0))  # degrees
@@ -71,6 +72,23 @@ def ranked_measures(observation: Observation) -> list[Measure]:
     return sorted(found, key=lambda measure: -measure.buys_nm.max())
 
 
+def plan(observation: Observation, steps: int = 6) -> list[Measure]:
+    """Numbers to measure one after the other, each the one that buys most of what the ones before it left.
+
+    Piston and tilt are removed. It ends where a number buys less than PLAN_SHARE of what is left.
+    """
+    numbers, covariance, found = _numbers(observation), observation.covariance(), []
+    p = observation.count
+    for _ in range(steps):
+        choices = [_number(observation, covariance, *number) for number in numbers]
+        best = max(range(len(choices)), key=lambda k: choices[k].buys_nm[0])
+        if choices[best].buys_nm[0] < PLAN_SHARE * choices[best].before_nm[0]:
+            break
+        found.append(choices[best])
+        covariance = _knowing(covariance, numbers[best][2], p)[0]
+    return found
+
+
 def _numbers(observation: Observation) -> list[tuple[str, str, FloatArray]]:
     """Names, units and gradients [p] by t of the numbers that can be measured."""
     scene, names = observation.setup.scene, observation.priors.names
@@ -83,14 +101,18 @@ def _numbers(observation: Observation) -> list[tuple[str, str, FloatArray]]:
     return found
 
 
+def _knowing(covariance: FloatArray, gradient: FloatArray, count: int) -> tuple[FloatArray, float]:
+    """The covariance once a number was measured so well that it buys SHARE, and the standard deviation of that."""
+    spread = covariance[:, :count] @ gradient
+    square = float(gradient @ spread[:count])
+    variance = square * (1 / SHARE - 1)
+    return covariance - np.outer(spread, spread) / (square + variance), float(np.sqrt(variance))
+
+
 def _number(observation: Observation, before: FloatArray, name: str, unit: str, gradient: FloatArray) -> Measure:
-    """A number measured so well that it buys SHARE of what there is to buy."""
     p = observation.count
-    spread = before[:, :p] @ gradient
-    square = float(gradient @ spread[:p])
-    sigma = np.sqrt(square * (1 / SHARE - 1))
-    after = before - np.outer(spread, spread) / (square + sigma**2)
-    return _measure(observation, name, unit, float(sigma), before[p:, p:], after[p:, p:])
+    after, sigma = _knowing(before, gradient, p)
+    return _measure(observation, name, unit, sigma, before[p:, p:], after[p:, p:])
 
 
 def _measure(
@@ -102,10 +124,11 @@ def _measure(
     after: FloatArray,
     why_not: str = "",
 ) -> Measure:
-    fall: dict[tuple[int, int], float] = {}
-    for noll, was, now in zip(observation.nolls, np.diag(before), np.diag(after), strict=True):
+    variances: dict[tuple[int, int], list[FloatArray]] = {}
+    for k, noll in enumerate(observation.nolls):
         n, m = noll_to_nm(noll)
-        fall[n, abs(m)] = fall.get((n, abs(m)), 0.0) + was - now
+        variances.setdefault((n, abs(m)), []).append(np.array([before[k, k], after[k, k]]))
+    fall = {nm: -float(np.diff(np.sqrt(np.sum(both, axis=0)))[0]) for nm, both in variances.items()}
     most = max(fall, key=lambda nm: fall[nm])
     mainly = ABERRATIONS.get(most, f"the terms n = {most[0]}, m = {most[1]}") if fall[most] > 0 else ""
     return Measure(name, unit, sigma, observation.rms_nm(before), observation.rms_nm(after), mainly, why_not)
@@ -147,7 +170,7 @@ def _turned(observation: Observation, own: FloatArray) -> list[Further]:
 
 
 def _with_pose(observation: Observation, chief: ChiefRays, row: FloatArray, column: FloatArray) -> FloatArray:
-    """Triangle [k, p + q + 6] of images by chief rays: t, Zernike terms in um, the mirror's pose over that of a remount."""
+    """Triangle [k, p + q + 6] of images by chief rays: t, Zernike terms in um, and the pose in remounts."""
     names = (*observation.priors.names, *zernike_names(observation.nolls), *MIRROR_POSE)
     p, q = observation.count, len(observation.nolls)
     columns = jacobian_of(chief, names, row, column).reshape(-1, len(names))

@@ -99,7 +99,7 @@ def observe(
     jacobian = centroid_jacobian(setup, names, seen.pixels).reshape(-1, len(names)) * weight
     geometry, tilts, mirror = np.split(jacobian, (len(priors.names), len(priors.names) + len(TILTS)), axis=1)
     scaled = mirror / np.linalg.norm(mirror, axis=0)
-    if np.linalg.svd(scaled, compute_uv=False)[-1] < SMALLEST * np.sqrt(len(nolls)):
+    if len(scaled) < len(nolls) or np.linalg.svd(scaled, compute_uv=False)[-1] < SMALLEST:
         raise ValueError(f"the {len(scaled) // 2} pixels do not tell {len(nolls)} Zernike terms apart; ask for fewer")
     columns = np.concatenate([geometry @ root, mirror], axis=1)
     triangle, gram = triangle_of(columns), _height_gram(response, nolls, disk_radius_mm(setup.scene.mirror))

@@ -13,7 +13,19 @@ import sys
 import warnings
 from typing import NoReturn
 
-from irtscots_cl.cli import bench, calibrate, devices, kernel, paths, reconstruct, reproduce, run, scenes, stability
+from irtscots_cl.cli import (
+    bench,
+    calibrate,
+    devices,
+    identify,
+    kernel,
+    paths,
+    reconstruct,
+    reproduce,
+    run,
+    scenes,
+    stability,
+)
 from irtscots_cl.cli.common import (
     EXIT_BAD_INPUT,
     EXIT_INTERRUPTED,
@@ -26,7 +38,7 @@ from irtscots_cl.cli.common import (
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
-COMMANDS = (run, scenes, devices, kernel, paths, reconstruct, calibrate, reproduce, bench, stability)
+COMMANDS = (run, scenes, devices, kernel, paths, reconstruct, calibrate, identify, reproduce, bench, stability)
 
 
 def main(arguments: list[str] | None = None) -> int:

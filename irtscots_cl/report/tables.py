@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, cast
 
 from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.report.table import Table as Table
 from irtscots_cl.report.types import (
     AlongAxes,
     ErrorPart,
@@ -27,15 +26,6 @@ from irtscots_cl.report.types import (
 CLEAR = 3.0  # standard errors: smaller coefficients are counted, not listed
 
 ROUNDING_SHARE = 0.5  # of all other errors: more rounding than that is said
-
-
-@dataclass(frozen=True)
-class Table:
-    """A titled table of strings."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: Sequence[tuple[str, ...]]
 
 
 def path_tables(facts: PathReport) -> list[Table]:

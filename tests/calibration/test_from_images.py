@@ -71,8 +71,8 @@ def test_images_that_are_turned_are_refused():
 
 
 def test_large_images_are_thinned():
-    m, checks = from_images(images().stack(), SCENE, most=100)
-    assert step_of(SCENE, 100) == 3
+    m, checks = from_images(images().stack(), SCENE, most=60)
+    assert step_of(SCENE, 60) == 3
     row, column = m.place_of()
     assert set((row % 3).tolist()) == {1} == set((column % 3).tolist()) and 10 < len(m.pixels) < 60
     assert "pixels" not in {check.name for check in checks}
