@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 import irtscots_cl as irt
 from irtscots_cl.maths.low_order import remove_terms
 from irtscots_cl.optics.surface import Surface
+from irtscots_cl.report.fiducial import mark_x
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -74,6 +75,7 @@ def draw_map(axes: Axes, result: object, map_nm: np.ndarray, title: str) -> None
     shown = np.where(inside, map_nm, np.nan)[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     picture = axes.imshow(shown, origin="lower", extent=extent, cmap="RdBu_r", vmin=-limit, vmax=limit)
     axes.set(title=title, xlabel="x [mm]", ylabel="y [mm]")
+    mark_x(axes)
     axes.figure.colorbar(picture, ax=axes, label="nm")
 
 

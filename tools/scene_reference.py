@@ -17,6 +17,8 @@ import textwrap
 
 from _generated import main
 
+from irtscots_cl.scene.calibration_known import Calibration, Knowledge
+from irtscots_cl.scene.camera_intrinsics import Intrinsics, check_intrinsics
 from irtscots_cl.scene.detector_noise import DetectorNoise
 from irtscots_cl.scene.element import ALLOWS, KINDS, NEEDS, Element
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
@@ -25,6 +27,7 @@ from irtscots_cl.scene.model import ZERNIKE_KEYS, Scene
 from irtscots_cl.scene.presets import preset_names, preset_text
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
 from irtscots_cl.scene.screen_response import ScreenResponse
+from irtscots_cl.scene.screen_shape import CoverGlass, ScanLines, ScreenShape, check_lines
 
 # Each table of a scene file: its heading, its model, one sentence, and the meaning of each key.
 MEANINGS = (
@@ -34,6 +37,7 @@ MEANINGS = (
         "screen": "the light source",
         "camera": "aperture, lens and detector",
         "element": "surfaces that only `--estimator nonsequential` and `irtscots paths` use",
+        "calibration": "what is known of the geometry beforehand, for `irtscots calibrate` and `irtscots identify`",
     }),
     ("[mirror]", Mirror, "A concave conic of revolution, or an off-axis segment of one, with a round rim.", {
         "radius_mm": "radius of curvature at the vertex (of the parent)",
@@ -50,15 +54,39 @@ MEANINGS = (
         "radius_mm": "of the disk on which the terms are defined",
         "coefficients_um": "coefficients in µm by index; Noll's, fringe (University of Arizona) or OSA/ANSI numbering",
     }),
-    ("[screen]", Screen, "A plane Lambertian screen.", {
+    ("[screen]", Screen, "A Lambertian screen, plane without the table [screen.shape].", {
         "position_mm": "centre of the screen",
         "pixels": "number of pixels",
-        "pitch_mm": "of the square pixels, and of the lines",
+        "pitch_mm": "of the pixels: of square ones, or along the screen's x and y",
         "look_at_mm": "a point that the screen faces",
         "radiance": "of a lit pixel",
         "emission": "angular distribution",
         "centre_offset_mm": "shift of the pixel grid in the screen's own x, y",
         "response": "what a real screen does; without it, all lines are equal and steady",
+        "clocking_deg": "turn of the screen's x and y about its z, from x towards y",
+        "shape": "where the pixels of a screen that is not flat are",
+        "cover_glass": "a plate on the pixels",
+        "lines": "which pixels a scan lights; without it, every single column and row",
+    }),
+    ("[screen.shape]", ScreenShape, "A screen that is not flat: the pixel at (u, v) of the grid lies at (X, Y, Z) of "
+     "the screen's frame. Either a sag, or measured points.", {
+        "sag_mm": "Z is the sum of mm (u/U)^i (v/V)^j, U and V half the grid's width and height, u and v from its "
+        "middle; X = u, Y = v",
+        "fractions": "places on the grid, along +u and +v, that the points of `points_mm` are of",
+        "points_mm": "where those places are; beyond them the screen goes on straight",
+        "interpolation": "between the points; `smooth`: a cubic spline through a rectangular grid of them, a thin "
+        "plate through others",
+    }),
+    ("[screen.cover_glass]", CoverGlass, "A plane-parallel plate on the pixels, towards the mirror; on a bent screen "
+     "it follows the shape. It moves rays; `radiance` is that outside of it.", {
+        "thickness_mm": "of the plate",
+        "index": "refractive index",
+    }),
+    ("[screen.lines]", ScanLines, "The lines of a scan, of columns (x scan) and of rows (y scan) alike. Lines may "
+     "overlap, or leave gaps.", {
+        "step_px": "from one line to the next",
+        "width_px": "of a line: in frame k the pixels `first_px` + k `step_px` and the next `width_px` - 1 light up",
+        "first_px": "first pixel of the first line; only lines that lie wholly on the screen are shown",
     }),
     ("[camera]", Camera, "An aperture with a paraxial lens in it, and a detector.", {
         "position_mm": "centre of the aperture",
@@ -70,11 +98,29 @@ MEANINGS = (
         "transmittance": "of the lens",
         "lens": "`paraxial`: in the aperture; `elements`: no lens there, the scene's elements are the lens",
         "detector_distance_mm": "from the aperture to the detector; without it, where a paraxial lens images",
+        "roll_deg": "turn of the camera's x and y about its z, from x towards y: anti-clockwise, seen from behind the "
+        "camera",
+        "aperture_offset_mm": "from the lens's axis to the aperture's centre, which is at `position_mm`",
+        "intrinsics": "focal lengths, principal point and distortion of a calibrated camera",
     }),
-    ("[camera.detector]", Detector, "A grid of square pixels.", {
-        "pixels": "number of pixels",
+    ("[camera.intrinsics]", Intrinsics, "A calibrated camera, in the numbers that OpenCV's calibration gives. They are "
+     "those of the camera's picture: whole numbers at the pixels' centres, (0, 0) the centre of the top left pixel, x "
+     "to the right, y down.", {
+        "image_size_px": "of the picture that was calibrated; without it, what the region and the binning read out",
+        "principal_point_px": "where the lens's axis meets that picture; without it, its middle",
+        "fx": "focal length in pixels of that picture; without it, image distance over pitch, times the binning",
+        "fy": "as `fx`, along y",
+        "distortion": "OpenCV's coefficients",
+        "roi_px": "the picture's first pixel that is read out",
+        "binning": "pixels of the picture that are joined to one of the detector's",
+    }),
+    ("[camera.detector]", Detector, "A grid of square pixels, upright: rows along the camera's +y, columns along its "
+     "+x.", {
+        "pixels": "number of pixels, after region of interest and binning; of the upright grid, also where files are "
+        "transposed",
         "pitch_mm": "of the pixels",
         "noise": "what a real detector does; without it, images are the flux in W",
+        "orientation": "how images lie in files; an ordinary camera's files are `rows-reversed`",
     }),
     ("[camera.detector.noise]", DetectorNoise, "What a real detector does to the images; without this table, or with "
      "all effects off, they are the flux in W. [detector.md](detector.md) has the order of the effects.", {
@@ -83,8 +129,8 @@ MEANINGS = (
         "`electrons_at_peak`",
         "quantum_efficiency": "electrons per photon",
         "wavelength_nm": "of the light, to turn energy into photons",
-        "quantum_efficiency_map": "response [rows, columns] of the pixels, relative to the nominal one; a path "
-        "relative to this file",
+        "quantum_efficiency_map": "response [rows, columns] of the upright grid's pixels, relative to the nominal one; "
+        "a path relative to this file",
         "prnu": "photo-response non-uniformity: relative rms of the pixels' response",
         "dead_pixel_share": "chance of a pixel to respond to no light",
         "shot_noise": "Poisson statistics of the electrons, of light and dark current",
@@ -116,6 +162,15 @@ MEANINGS = (
         "drift": "relative change of brightness over each scan, linear: from 1 - drift/2 to 1 + drift/2",
         "jitter": "relative rms of the brightness, of each camera frame",
         "seed": "of the random numbers",
+    }),
+    ("[calibration]", Calibration, "What is known of the geometry before the images are seen. "
+     "[calibrate.md](calibrate.md) has the names.", {
+        "known": "standard deviation of each unknown about the scene's value, or a measured distance",
+    }),
+    ('[calibration.known], "NAME" = { ... }', Knowledge, "One of them, where a number alone does not say enough.", {
+        "sigma": "standard deviation, in the unit of the name",
+        "mm": "of a distance: the measured one; without it, the scene's own",
+        "source": "where it comes from",
     }),
     ("[[element]]", Element, "A surface with its effect on light: `mirror` reflects in front and is black behind, "
      "`refractor` is an interface of two media, `lens` is paraxial, `absorber` is black, `detector` is black and "
@@ -157,8 +212,18 @@ MEANINGS = (
         "g": "exponent of the decay",
     }),
 )  # fmt: skip
+CHECKS = {Intrinsics: check_intrinsics, ScanLines: check_lines}  # that the table above calls, with its own numbers
 HIDDEN = {ZernikeTerms: {"ordering"}}  # in a file the key of the coefficients states it
-UNITS = {"mm": "mm", "um": "µm", "nm": "nm", "s": "s", "e": "e", "dn": "DN"}  # by the end of a key
+UNITS = {
+    "mm": "mm",
+    "um": "µm",
+    "nm": "nm",
+    "s": "s",
+    "e": "e",
+    "dn": "DN",
+    "px": "pixels",
+    "deg": "°",
+}  # by the end of a key
 UNITS_OF_KEYS = {
     "radiance": "W/(mm² sr)", "b0": "1/sr", "electrons_at_peak": "e", "dark_current_e_per_s": "e/s",
     "gain_e_per_dn": "e/DN",
@@ -231,6 +296,9 @@ def rules_of(model) -> list[str]:
             known = {name: value.value for name, value in bound.items() if isinstance(value, ast.Constant)}
             known |= {name: names[v.id] for name, v in bound.items() if isinstance(v, ast.Name) and v.id in names}
             rules += rules_in(ast.parse(textwrap.dedent(inspect.getsource(helper))), names | known)
+    if model in CHECKS:
+        found = rules_in(ast.parse(textwrap.dedent(inspect.getsource(CHECKS[model]))), names)
+        rules += [re.sub(r"`\w+\.", "`", rule) for rule in found]  # from the table above
     # What an element's kind needs or takes has a table of its own; a module's name is no key of a file.
     return [r for r in dict.fromkeys(rules) if "for kind" not in r and "irtscots_cl." not in r]
 
@@ -262,6 +330,8 @@ def keys_of(steps: ast.expr, tree: ast.AST, names: dict) -> str:
     for step in steps.elts:
         if isinstance(step, ast.Constant):
             values = [step.value]
+        elif isinstance(step, ast.Subscript):  # one of several keys
+            values = [key.value for key in step.value.elts]
         else:
             values = [names[step.id]] if isinstance(names.get(step.id), str) else values_of(step, tree)
         paths = [(*path, *([value] if value else [])) for path in paths for value in values or [""]]

@@ -17,9 +17,11 @@ from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
 from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.camera_intrinsics import Intrinsics
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.scene.screen_shape import CoverGlass, ScreenShape
 from irtscots_cl.tracing.estimators.nonsequential import PathTask
 from irtscots_cl.tracing.estimators.sequential import SequentialTask
 from irtscots_cl.tracing.options import ESTIMATORS, NONSEQUENTIAL, TraceOptions
@@ -29,6 +31,7 @@ ROUNDS = {True: 3, False: 9}  # timed rounds, quick or not
 SECONDS = {True: 0.06, False: 0.5}  # of one timed trace
 WARM_UP_RAYS = 2**22  # before a case's speed is known
 WIDTHS = (1, 8, 16)  # rays side by side that the kernels are written for, on CPUs
+FEATURES = {estimator: f"one feature alone, {estimator}" for estimator in ESTIMATORS}  # groups of cases
 PATH_SCENES = ("sphere", "sphere-deviated", "sphere-singlet", "sphere-window", "ghosts")
 FMA_CHAINS = 12  # CHAINS of kernels/entry/multiply_add.cl
 FMA_STEPS = 20_000
@@ -73,10 +76,13 @@ def default_cases(device: Device, quick: bool) -> list[Case]:
         cases += _scene_cases("double precision", scenes, ("philox",) if quick else tuple(SAMPLERS), "fp64")
     cases += [Case("smoothed rays, adjoint", f"{scene.name}, {sampler}", scene, "adjoint", sampler, smoothing=True)
               for scene in scenes for sampler in (("sobol",) if quick else SAMPLERS)]  # fmt: skip
-    cases += [Case("one feature alone, forward", name, scene) for name, scene in _features(sphere).items()]
+    devices = _devices(sphere)
+    cases += [Case(FEATURES["forward"], name, scene) for name, scene in (_features(sphere) | devices).items()]
     if device.has_fp64:
-        cases.append(Case("one feature alone, forward", "double precision", sphere, precision="fp64"))
-    cases.append(Case("one feature alone, forward", "sums by atomics", sphere, accumulate="atomic"))
+        cases.append(Case(FEATURES["forward"], "double precision", sphere, precision="fp64"))
+    cases.append(Case(FEATURES["forward"], "sums by atomics", sphere, accumulate="atomic"))
+    cases += [Case(FEATURES["adjoint"], name, scene, "adjoint")
+              for name, scene in ({"plain sphere": sphere} | devices).items()]  # fmt: skip
     cases += [Case("any order of elements, forward", name, load_scene(name), NONSEQUENTIAL)
               for name in (("sphere",) if quick else PATH_SCENES)]  # fmt: skip
     if device.kind == "cpu":  # on other devices, work-items are the lanes
@@ -113,6 +119,24 @@ def _features(sphere: Scene) -> dict[str, Scene]:
         "1 Zernike term": with_mirror(zernike=zernike([6])),
         "6 Zernike terms": with_mirror(zernike=zernike([6, 8, 9, 11, 29, 38])),
         "33 Zernike terms": with_mirror(zernike=zernike(range(4, 37))),
+    }
+
+
+def _devices(sphere: Scene) -> dict[str, Scene]:
+    """The sphere with a camera or a screen as real set-ups have them."""
+
+    def with_screen(**changes) -> Scene:
+        return dataclasses.replace(sphere, screen=dataclasses.replace(sphere.screen, **changes))
+
+    intrinsics = Intrinsics(distortion=(-0.3, 0.1, 0.001, -0.001, 0.05))
+    bent, glass = ScreenShape(sag_mm=((2, 0, 0.05), (0, 2, 0.03))), CoverGlass(thickness_mm=1.0)
+    return {
+        "distorted camera": dataclasses.replace(
+            sphere, camera=dataclasses.replace(sphere.camera, intrinsics=intrinsics)
+        ),
+        "bent screen": with_screen(shape=bent),
+        "cover glass": with_screen(cover_glass=glass),
+        "bent screen, cover glass": with_screen(shape=bent, cover_glass=glass),
     }
 
 
@@ -166,7 +190,8 @@ def run_throughput(device: Device, quick: bool) -> dict:
 
 def _row(timing: Timing, timings: list[Timing], multiply_adds: float) -> dict:
     case = timing.case
-    plain = next(t for t in timings if t.case.group.startswith("one feature") and t.case.name == "plain sphere")
+    group = case.group if case.group in FEATURES.values() else FEATURES["forward"]
+    plain = next(t for t in timings if t.case.group == group and t.case.name == "plain sphere")
     like = "forward" if case.estimator == NONSEQUENTIAL else case.estimator
     limit = next(t for t in timings if t.case.group == "limit" and t.case.estimator == like)
     return {

@@ -85,7 +85,8 @@ def from_images(
     setup = Setup(guess) if step == 1 else ThinnedSetup(guess, step)
     if step > 1 and isinstance(setup, ThinnedSetup):
         _check_shapes(stack, setup)
-        stack = ImageStack(*(scan.part(np.isin(scan.pixels, setup.chosen)) for scan in (stack.x, stack.y)))
+        x_scan, y_scan = (scan.part(np.isin(scan.pixels, setup.chosen)) for scan in (stack.x, stack.y))
+        stack = ImageStack(x_scan, y_scan)
     stack = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
     estimates = estimate_centroids(stack, setup, BEST)
     checks = _checks(stack, setup, estimates, step)

@@ -177,7 +177,8 @@ def expose(stack: ImageStack, noise: DetectorNoise, response: ScreenResponse | N
     level = 1.0 if response is None else response.level
     per_w = electrons_per_w(noise, peak_w(stack) * level)
     dark = dark_image(noise, pixels)
-    return ImageStack(*(_exposed(scan, noise, response, pixels, per_w, dark) for scan in (stack.x, stack.y)))
+    x, y = (_exposed(scan, noise, response, pixels, per_w, dark) for scan in (stack.x, stack.y))
+    return ImageStack(x, y)
 
 
 def _exposed(
@@ -198,7 +199,9 @@ def _exposed(
             values, saturated = mean_of_frames(noise, pixels, light_e, factors, scan.axis, line, exposure)
             # a saturated sample stays at the limit, where it can be found
             images[exposure, line] = np.where(saturated, values, values - dark)
-    recorded = Scan.from_images(scan.axis, scan.positions_mm, images.reshape(*images.shape[:2], *scan.shape))
+    recorded = Scan.from_images(
+        scan.axis, scan.positions_mm, images.reshape(*images.shape[:2], *scan.shape), scan.line_width
+    )
     return replace(recorded, weights=weights, saturation_w=saturation_dn(noise), unit="DN")
 
 

@@ -35,7 +35,8 @@ HEIGHT_ROUNDS = 2  # slopes, height, slopes, height: a third round changes less 
 class Reconstruction:
     """A measured surface on the detector's grid [rows, columns]; NaN outside the mask. Mirror frame.
 
-    x_mm, y_mm: mirror points. on_mirror: pixels that see enough of the mirror; mask: the used pixels among them.
+    x_mm, y_mm: mirror points. on_mirror: pixels that see enough of the mirror, of those that may be
+    used; mask: the used pixels among them.
     flags: light_curves.Flag, the worse of the two scans (pixels without a light curve: EMPTY). centroid_x_mm,
     centroid_y_mm: in the screen's frame. slope_x, slope_y [rad]: of the whole surface. height_mm: design plus
     deviation; deviation_mm: from the design, zero mean over every group of joined islands. light_curve, method,
@@ -43,7 +44,8 @@ class Reconstruction:
     last one was below refine's tolerance, None without refinement. jackknife_*: [replicates, rows, columns], the same
     maps with one replicate left out in turn, for error bars. estimates_of_scans: of the x and the y scan, for
     "windowed" and "likelihood": error bars of the centroids, gains of the frames, chi-square, ... islands: of the mask,
-    and how their heights are joined; None if it is known to have only one.
+    and how their heights are joined; None if it is known to have only one. place_errors_mm: standard errors [rows,
+    columns] of centroid_x_mm and centroid_y_mm, where these come from no scans.
     """
 
     setup: Setup = field(repr=False)
@@ -68,6 +70,7 @@ class Reconstruction:
     estimates_of_scans: tuple[ScanEstimate, ScanEstimate] | None = field(default=None, repr=False)
     islands: Islands | None = field(default=None, repr=False)
     converged: bool | None = None
+    place_errors_mm: Pair | None = field(default=None, repr=False)
 
     @property
     def nominal(self) -> Scene:
@@ -178,11 +181,11 @@ def reconstruct(
     if estimates is None and light_curve in SIGNED:
         estimates = estimate_centroids(stack, setup, light_curve)
     centroid_x, centroid_y, flags = _both_scans(setup, stack, light_curve, threshold, estimates)
-    on_mirror = chief.footprint.coverage >= min_coverage
+    on_mirror = (chief.footprint.coverage >= min_coverage) & (True if stack.use is None else stack.use)
     mask = on_mirror & (flags == Flag.GOOD)
     _check_enough(setup.scene.name, on_mirror, mask, flags)
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(setup))
-    slope_x, slope_y, deviation, islands = _surface(
+    slope_x, slope_y, deviation, islands = surface_of(
         chief, (x_mm, y_mm), (u_mm, v_mm), mask, (centroid_x, centroid_y), method, pixel_average
     )
     design = chief.surface.sag(x_mm, y_mm)
@@ -290,7 +293,7 @@ def triangulated(
     return half_vector_slopes(points, screen, chief.camera_frame.position_mm)
 
 
-def _surface(
+def surface_of(
     chief: ChiefRays, mirror: Pair, landing: Pair, mask: BoolArray, centroid: Pair, method: str, pixel_average: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray, Islands]:
     """Slopes and deviation [1 + replicates, rows, columns] from centroids (u, v) of the same shape; the islands.

@@ -46,14 +46,24 @@ LAUNCH = np.dtype(
 )
 
 
-def emitter_dtype(real) -> np.dtype:
+def facet_dtype(real) -> np.dtype:
+    """The plane of a pixel of a bent screen, in the world: its centre, its edges along u and v, and axes of its plane.
+
+    axis_z is the normal away from the mirror. Edges are as seen through a cover glass. Lengths in mm.
+    """
+    names = ("point", "pixel_x", "pixel_y", "axis_x", "axis_y", "axis_z")
+    return np.dtype([(name, real, 3) for name in names], align=True)
+
+
+def emitter_dtype(real, bent: bool = False) -> np.dtype:
     """A screen pixel as the forward estimator's source.
 
-    x, y: its centre in the screen's frame [mm]. The aim is the ellipse in direction cosines, centre + lower triangular
-    matrix times the unit disk, that covers the mirror from every point of the pixel.
+    x, y: its centre in the screen's frame [mm], of a bent screen a facet. The aim is the ellipse in direction cosines,
+    centre + lower triangular matrix times the unit disk, that covers the mirror from every point of the pixel.
     """
+    place = [("facet", facet_dtype(real))] if bent else [("x", real), ("y", real)]
     return np.dtype(
-        [(name, real) for name in ("x", "y", "centre_l", "centre_m", "aim_ll", "aim_ml", "aim_mm")], align=True
+        place + [(name, real) for name in ("centre_l", "centre_m", "aim_ll", "aim_ml", "aim_mm")], align=True
     )
 
 
@@ -70,24 +80,33 @@ def cones_emitter_dtype(real, cones: int) -> np.dtype:
     return np.dtype([*fields, ("cones", cone_dtype(real), cones)], align=True)
 
 
-def receiver_dtype(real) -> np.dtype:
+def image_dtype(real) -> np.dtype:
+    """A pixel's image by the lens without distortion, as a quadratic in (s, t), pixels from its centre [mm]."""
+    names = [f"{axis}_{powers}" for axis in "xy" for powers in ("s", "t", "ss", "st", "tt")]
+    return np.dtype([(name, real) for name in names], align=True)
+
+
+def patch_dtype(real) -> np.dtype:
+    """The part of a bent screen that a detector pixel sees, about the place (u, v) of the grid [mm].
+
+    x, y, z: cubics of the pixels' moves from the grid, in the order 1, u, v, uu, uv, vv, uuu, uuv, uvv, vvv. steps:
+    that a ray takes from the tangent plane to them.
+    """
+    fields = [("u", real), ("v", real), *((name, real, 10) for name in "xyz"), ("steps", np.int32)]
+    return np.dtype(fields, align=True)
+
+
+def receiver_dtype(real, distorted: bool = False, bent: bool = False) -> np.dtype:
     """A detector pixel that can see the mirror, as the adjoint estimator's source.
 
     x, y: its centre on the upright image [mm]; weight_scale: turns cos^4 into a fixed-point weight, WEIGHT_ONE at the
     pixel's centre; column, row: its window's first screen pixel; pixel: its number row * columns + column, the source
-    number of its random words.
+    number of its random words. image: of a lens with distortion; patch: of a bent screen.
     """
-    return np.dtype(
-        [
-            ("x", real),
-            ("y", real),
-            ("weight_scale", real),
-            ("column", np.int32),
-            ("row", np.int32),
-            ("pixel", np.uint32),
-        ],
-        align=True,
-    )
+    fields = [(name, real) for name in ("x", "y", "weight_scale")]
+    fields += [("column", np.int32), ("row", np.int32), ("pixel", np.uint32)]
+    fields += [("image", image_dtype(real))] * distorted + [("patch", patch_dtype(real))] * bent
+    return np.dtype(fields, align=True)
 
 
 def chord_dtype(real) -> np.dtype:
@@ -101,9 +120,18 @@ def chord_dtype(real) -> np.dtype:
     return np.dtype([(name, real) for name in names], align=True)
 
 
-def line_receiver_dtype(real) -> np.dtype:
+def line_receiver_dtype(real, distorted: bool = False, bent: bool = False) -> np.dtype:
     """A Receiver and its chords along the screen's x and y, as the smoothed adjoint estimator's source."""
-    return np.dtype([("start", receiver_dtype(real)), ("chords", chord_dtype(real), 2)], align=True)
+    return np.dtype([("start", receiver_dtype(real, distorted, bent)), ("chords", chord_dtype(real), 2)], align=True)
+
+
+def lens_dtype(real) -> np.dtype:
+    """A lens's distortion (maths.lens_distortion, y upwards): above: the numerator's powers of r^2 less the
+    denominator's; below: the denominator's. focal_x, focal_y: in pixels. shift_x, shift_y: of normalised image points,
+    from the aperture's centre to the axis. most2: square of the largest normalised radius in the image.
+    """
+    names = ("p1", "p2", "focal_x", "focal_y", "shift_x", "shift_y", "most2", "inverse_pixel_area")
+    return np.dtype([("above", real, 3), ("below", real, 3), *((name, real) for name in names)], align=True)
 
 
 def frame_dtype(real) -> np.dtype:
@@ -147,27 +175,28 @@ def zernike_power_dtype(real, coefficients: int) -> np.dtype:
     return np.dtype([("inverse_radius", real), ("coefficient", real, coefficients)], align=True)
 
 
-def scene_dtype(real, mirror: np.dtype, zernike: np.dtype | None) -> np.dtype:
-    """The values of the scene that are the same for all rays."""
+def scene_dtype(
+    real, mirror: np.dtype, zernike: np.dtype | None, lens: np.dtype | None = None, glass: bool = False
+) -> np.dtype:
+    """The values of the scene that are the same for all rays.
+
+    Pitches (x, y) of the detector are those at the image distance. detector_left, detector_top: what turns image points
+    over the pitch into pixels from the detector's first edges; screen_left, screen_top: the same for the screen. lens:
+    of a camera with distortion. glass: whether the screen has a cover glass.
+    """
     names = (
-        "screen_pitch",
-        "inverse_screen_pitch",
-        "screen_left",
-        "screen_top",
-        "aperture_radius",
-        "aperture_radius2",
-        "inverse_focal_length",
-        "inverse_focus",
-        "image_distance",
-        "inverse_image_distance",
-        "detector_pitch",
-        "inverse_detector_pitch",
+        *("screen_pitch_x", "screen_pitch_y", "inverse_screen_pitch_x", "inverse_screen_pitch_y"),
+        *("screen_left", "screen_top", "aperture_radius", "aperture_radius2"),
+        *("inverse_focal_length", "inverse_focus", "image_distance", "inverse_image_distance"),
+        *("detector_pitch_x", "detector_pitch_y", "inverse_detector_pitch_x", "inverse_detector_pitch_y"),
+        *("detector_left", "detector_top"),
+        *("glass_thickness", "glass_index2") * glass,
     )
     return np.dtype(
         [("mirror", mirror), ("screen", frame_dtype(real)), ("camera", frame_dtype(real))]
         + [(name, real) for name in names]
         + [("detector_columns", np.int32), ("detector_rows", np.int32)]
-        + ([("zernike", zernike)] if zernike is not None else []),
+        + [(name, dtype) for name, dtype in (("zernike", zernike), ("lens", lens)) if dtype is not None],
         align=True,
     )
 

@@ -1,7 +1,7 @@
 """Aims of the forward estimator's rays: the whole mirror, or only the part that sends light into the camera.
 
 A screen pixel lights the whole mirror, but only part of the mirror sends this light into the camera's aperture. Both
-aims are ellipses in the direction cosines of the screen's frame, where Lambertian light is uniform. All rays have the
+aims are ellipses in direction cosines in the pixel's plane, where Lambertian light is uniform. All rays have the
 same weight: every ellipse aimed at the camera has the same share of the area of the ellipse that covers the mirror.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from irtscots_cl.maths.frame import Frame
 from irtscots_cl.optics.chief_rays import RIM, ChiefRays
-from irtscots_cl.scene.instrument import Screen
+from irtscots_cl.optics.screen_facets import ScreenFacets
 
 RIM_POINTS = 32  # of the mirror, to fit its ellipse
 MARGIN = 1e-4  # of the mirror's ellipse, because the rim between the rim points is not an exact ellipse
@@ -50,40 +50,39 @@ class Aim:
 
 def find_mirror_aim(chief: ChiefRays) -> Aim:
     """The smallest ellipses that cover the mirror from every point of the screen pixel."""
-    scene = chief.scene
-    frame, surface, half_pixel = chief.screen_frame, chief.surface, half_diagonal(scene.screen)
-    x, y = pixel_centres(chief)
+    surface, facets = chief.surface, ScreenFacets.of(chief)
     angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
     rim_x, rim_y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
     rim = np.stack([rim_x, rim_y, surface.sag(rim_x, rim_y)], -1)
-    every = np.array_split(np.arange(len(x)), len(x) // 4096 + 1)
-    parts = [covering_ellipses(frame, rim, x[k], y[k], half_pixel) for k in every]
+    half, parts = np.broadcast_to(facets.half_diagonal, facets.u.shape), []
+    for k in np.array_split(np.arange(len(facets.u)), len(facets.u) // 4096 + 1):
+        rays = facets.from_pixels(rim, k)
+        distance = np.linalg.norm(rays, axis=-1)
+        parts.append(_covering(facets.across(rays / distance[..., None], k), distance, half[k]))
     return Aim(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)), 1.0)
 
 
 def covering_ellipses(frame: Frame, rim: np.ndarray, x: np.ndarray, y: np.ndarray, half_pixel: float):
     """Ellipses that cover the points of a rim [k, 3] from screen pixels at (x, y) [n]: centres [n, 2], roots [n, 2, 2].
 
-    frame: of the screen. half_pixel: half of its pixels' diagonal in mm. A rim that is seen nearly edge-on gets a wider
-    ellipse.
+    frame: of a flat screen. half_pixel: half of its pixels' diagonal in mm. A rim that is seen nearly edge-on gets a
+    wider ellipse.
     """
     rays = rim - frame.to_world(x, y)[:, None, :]
-    distance = np.linalg.norm(rays, axis=-1, keepdims=True)
-    cosines = (rays / distance) @ frame.axes[:2].T
+    distance = np.linalg.norm(rays, axis=-1)
+    return _covering((rays / distance[..., None]) @ frame.axes[:2].T, distance, half_pixel)
+
+
+def _covering(cosines: np.ndarray, distance: np.ndarray, half_pixel: float | np.ndarray):
+    """Centres [n, 2] and roots [n, 2, 2] of ellipses around directions [n, k, 2] to points at distances [n, k]."""
     centre = cosines.mean(1)
     spread = cosines - centre[:, None, :]
     # Points at equal angles on an ellipse's rim have half its shape matrix as covariance.
-    shape = 2 * np.einsum("nki,nkj->nij", spread, spread) / rim.shape[0]
+    shape = 2 * np.einsum("nki,nkj->nij", spread, spread) / cosines.shape[1]
     flat = np.trace(shape, axis1=1, axis2=2)[:, None, None] * FLATTEST
     root = np.linalg.cholesky(shape + (np.linalg.det(shape)[:, None, None] < flat**2) * flat * np.eye(2))
     reach = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
-    return centre, _widened(root * (reach * (1 + MARGIN))[:, None, None], half_pixel / distance.min((1, 2)))
-
-
-def half_diagonal(screen: Screen) -> float:
-    """Half of the diagonal of a screen's pixels in mm."""
-    x, y = screen.pitch_xy_mm
-    return float(x * np.sqrt(0.5) if x == y else np.hypot(x, y) / 2)
+    return centre, _widened(root * (reach * (1 + MARGIN))[:, None, None], half_pixel / distance.min(1))
 
 
 def find_camera_aim(chief: ChiefRays, whole: Aim) -> Aim:
@@ -129,28 +128,26 @@ def _around_footprints(chief: ChiefRays, whole: Aim, slack: float) -> Aim:
 def _footprint_directions(chief: ChiefRays, whole: Aim, slack: float):
     """Screen pixels [k] and directions [k, 2], from the centre of `whole`, to corners of the footprints they light."""
     columns, rows = chief.scene.screen.pixels
-    corner, sees, screen = chief.corners[0], chief.sees_mirror, chief.scene.screen
+    corner, sees, screen, facets = chief.corners[0], chief.sees_mirror, chief.scene.screen, ScreenFacets.of(chief)
     pitch = np.array(screen.pitch_xy_mm)
     four = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]], 2)[sees]
-    margin_mm = half_diagonal(screen) + slack * pitch.max()
+    margin_mm = float(np.hypot(*pitch)) / 2 + slack * pitch.max()
     centre, to_aperture, reach = (values[sees] for values in _landing(chief, margin_mm))
     known = np.isfinite(reach) & np.isfinite(four).all((1, 2))
     four, centre, to_aperture, reach = four[known], centre[known], to_aperture[known], reach[known]
     lowest, highest = (edge[sees][known] for edge in chief.landing_range())
     first = np.ceil(np.clip(lowest - 0.5 - slack, 0, [columns, rows])).astype(int)
     last = np.floor(np.clip(highest + 0.5 + slack, -1, [columns - 1, rows - 1])).astype(int)
-    pixels = np.stack(pixel_centres(chief), -1)
+    pixels = np.stack([facets.u, facets.v], -1)
     widest = np.maximum(last - first + 1, 0).max(0, initial=0)
     step = np.stack(np.meshgrid(*(np.arange(n) for n in widest), indexing="ij"), -1).reshape(-1, 2)
-    frame = chief.screen_frame
     for part in np.array_split(np.arange(len(first)), len(first) * len(step) // PAIRS + 1):
         at = first[part, None] + step
         away = (pixels[0] + at * pitch - centre[part, None]) @ to_aperture[part].transpose(0, 2, 1)
         lit = (np.linalg.norm(away, axis=-1) <= reach[part, None]) & (at <= last[part, None]).all(-1)
         detector, k = np.nonzero(lit)
         screen = at[detector, k, 1] * columns + at[detector, k, 0]
-        rays = four[part[detector]] - frame.to_world(*pixels[screen].T)[:, None]
-        cosines = rays @ frame.axes[:2].T / np.linalg.norm(rays, axis=-1, keepdims=True)
+        cosines = facets.cosines(facets.from_pixels(four[part[detector]], screen), screen)
         yield np.repeat(screen, 4), (cosines - whole.centre[screen, None]).reshape(-1, 2)
 
 
@@ -168,7 +165,8 @@ def _landing(chief: ChiefRays, margin_mm: float) -> tuple[np.ndarray, np.ndarray
     corners = np.stack(chief.corners[1:], -1)
     four = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]])
     spread = np.linalg.norm(four - centre, axis=-1).max(0)
-    known = np.isfinite(linear).all((-1, -2)) & (np.abs(np.linalg.det(linear)) > 0)
+    with np.errstate(invalid="ignore"):  # of pixels whose rays miss the surface
+        known = np.isfinite(linear).all((-1, -2)) & (np.abs(np.linalg.det(linear)) > 0)
     to_aperture = np.linalg.inv(np.where(known[..., None, None], linear, np.eye(2)))
     reach = 1 + np.linalg.norm(to_aperture, 2, axis=(-2, -1)) * (margin_mm + spread + left)
     return centre, to_aperture, np.where(known, reach, np.nan)
@@ -176,11 +174,13 @@ def _landing(chief: ChiefRays, margin_mm: float) -> tuple[np.ndarray, np.ndarray
 
 def _blur(chief: ChiefRays) -> float:
     """How far directions extend beyond those from a pixel's centre to footprints: half a pixel plus aperture blur."""
-    mirror, screen = chief.rims[0][chief.sees_mirror], chief.scene.screen
+    mirror, screen, facets = chief.rims[0][chief.sees_mirror], chief.scene.screen, ScreenFacets.of(chief)
     blur = np.nanmax(np.linalg.norm(mirror - np.nanmean(mirror, -2, keepdims=True), axis=-1), initial=0.0)
     distance = np.nanmin(np.linalg.norm(mirror - np.array(screen.position_mm), axis=-1))
     reach = np.linalg.norm(np.array(screen.pixels) * screen.pitch_xy_mm) / 2 + np.linalg.norm(screen.centre_offset_mm)
-    return float((half_diagonal(screen) + blur) / max(distance - reach, distance / 2))
+    if not facets.is_flat:
+        reach = np.linalg.norm(facets.points - np.array(screen.position_mm), axis=-1).max()
+    return float((np.max(facets.half_diagonal) + blur) / max(distance - reach, distance / 2))
 
 
 def _directions_from_camera(chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
@@ -192,25 +192,15 @@ def _directions_from_camera(chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
     radius = chief.scene.camera.aperture_diameter_mm / 2 * np.sqrt(random.random(CHECK_RAYS))
     radius[::2] = chief.scene.camera.aperture_diameter_mm / 2
     points, u, v = chief.reverse(row, column, radius * np.cos(angle), radius * np.sin(angle))
-    screen, frame = chief.scene.screen, chief.screen_frame
+    screen, facets = chief.scene.screen, ScreenFacets.of(chief)
     with np.errstate(invalid="ignore"):
         at = [np.floor((w - offset) / pitch + count / 2) for w, offset, pitch, count in
               zip((u, v), screen.centre_offset_mm, screen.pitch_xy_mm, screen.pixels, strict=True)]  # fmt: skip
         use = chief.surface.contains(points[:, 0], points[:, 1], 0.0)
         use &= (at[0] >= 0) & (at[0] < screen.pixels[0]) & (at[1] >= 0) & (at[1] < screen.pixels[1])
-    rays = points[use] - frame.to_world(u[use], v[use])
+    rays = points[use] - chief.screen_model.seen_from(points[use], u[use], v[use])
     pixel = (at[1][use] * screen.pixels[0] + at[0][use]).astype(int)
-    return pixel, rays @ frame.axes[:2].T / np.linalg.norm(rays, axis=-1, keepdims=True)
-
-
-def pixel_centres(chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
-    """x, y [rows * columns] of the screen's pixels in its frame [mm]."""
-    screen = chief.scene.screen
-    columns, rows = screen.pixels
-    row, column = np.divmod(np.arange(rows * columns), columns)
-    x = (column - (columns - 1) / 2) * screen.pitch_xy_mm[0] + screen.centre_offset_mm[0]
-    y = (row - (rows - 1) / 2) * screen.pitch_xy_mm[1] + screen.centre_offset_mm[1]
-    return x, y
+    return pixel, facets.cosines(rays, pixel)
 
 
 def _radius_in_ellipse(root: np.ndarray, centre: np.ndarray, pixel: np.ndarray, cosines: np.ndarray) -> np.ndarray:

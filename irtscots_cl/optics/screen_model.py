@@ -91,14 +91,18 @@ class ScreenModel:
 
         They are where the places are, or seem to be behind the cover glass.
         """
+        return self.to_world(*self.seen_places(points_mm, u_mm, v_mm))
+
+    def seen_places(self, points_mm: np.ndarray, u_mm, v_mm) -> tuple[np.ndarray, np.ndarray]:
+        """Places on the grid that a ray would light without the cover glass, if it lights (u, v): see seen_from."""
         if self.glass is None:
-            return self.to_world(u_mm, v_mm)
+            return u_mm, v_mm
         seen_u, seen_v = u_mm, v_mm
         for _ in range(GLASS_ROUNDS):
             along = turned(self.to_world(seen_u, seen_v) - points_mm, self.frame.axes.T)
             shifts = self.glass_shift(seen_u, seen_v, along[..., 0] / along[..., 2], along[..., 1] / along[..., 2])
             seen_u, seen_v = u_mm - shifts[0], v_mm - shifts[1]
-        return self.to_world(seen_u, seen_v)
+        return seen_u, seen_v
 
     def _meet(self, at_u, at_v, slope_u, slope_v) -> tuple[np.ndarray, np.ndarray]:
         """Places where lines that cross the frame's plane at (at_u, at_v) with slopes dx/dz, dy/dz meet the pixels."""
@@ -117,8 +121,7 @@ class ScreenModel:
             if not np.any(moved > PRECISION_MM):
                 break
         lost = ~(moved <= 1e4 * PRECISION_MM)
-        u[lost], v[lost] = np.nan, np.nan
-        return u, v
+        return np.where(lost, np.nan, u), np.where(lost, np.nan, v)
 
     def glass_shift(self, u, v, slope_u, slope_v) -> tuple[np.ndarray, np.ndarray]:
         """How far (u, v) the glass moves rays with slopes dx/dz, dy/dz on the pixels about (u, v), in mm.

@@ -1,4 +1,7 @@
-"""Figures of a run. Maps show the mirror from the front: x to the right, y up."""
+"""Figures of a run. Images and maps lie as the camera sees the mirror, and a mark says where its +x is.
+
+The mirror's x goes to the right and y up, but for a camera that is rolled: then they lie as its upright images.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,10 @@ from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.optics.pixel.chord import chord_cdf
+from irtscots_cl.report.fiducial import mark_x, x_direction
 from irtscots_cl.system.atomic_files import replacing
+
+UPRIGHT = 0.999  # cosine of the angle between the mirror's x and the detector's columns: 2.6 degrees
 
 
 def write_figures(
@@ -31,7 +37,7 @@ def write_figures(
     empty if they were not computed.
     """
     figures = {
-        "images.png": image_figure(stack),
+        "images.png": image_figure(stack, x_direction(result.x_mm, result.y_mm)),
         "light_curve.png": light_curve_figure(stack, result),
         "slopes.png": slope_figure(result),
         "height.png": height_figure(result, comparison),
@@ -44,8 +50,11 @@ def write_figures(
     return list(figures)
 
 
-def image_figure(stack: ImageStack) -> Figure:
-    """Camera images under a line at a third and one in the middle of each scan."""
+def image_figure(stack: ImageStack, towards_x: tuple[float, float] = (1.0, 0.0)) -> Figure:
+    """Camera images under a line at a third and one in the middle of each scan.
+
+    towards_x: direction (column, row) of the mirror's +x.
+    """
     figure = Figure(figsize=(10, 8.5), layout="tight")
     for row, scan in zip(figure.subplots(2, 2), (stack.x, stack.y), strict=True):
         count = len(scan.positions_mm)
@@ -56,6 +65,7 @@ def image_figure(stack: ImageStack) -> Figure:
                 xlabel="detector column",
                 ylabel="detector row",
             )
+            mark_x(axes, towards_x)
             figure.colorbar(picture, ax=axes, label=f"flux [{scan.unit}]")
     return figure
 
@@ -79,10 +89,9 @@ def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
         axes.errorbar(position, curve[inside], error[inside], fmt="o", capsize=3, label="images")
         line = np.linspace(centre - 0.8 * diameter, centre + 0.8 * diameter, 400)
         pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else diameter
-        chord = chord_cdf((line - centre + pitch / 2) / (diameter / 2)) - chord_cdf(
-            (line - centre - pitch / 2) / (diameter / 2)
-        )
-        axes.plot(line, chord * curve.sum(), "k:", label="Eq. (2), unit magnification")
+        half = pitch * scan.line_width / 2
+        chord = chord_cdf((line - centre + half) / (diameter / 2)) - chord_cdf((line - centre - half) / (diameter / 2))
+        axes.plot(line, chord * (curve.sum() / scan.line_width), "k:", label="Eq. (2), unit magnification")
         axes.axvline(centre, color="tab:red", lw=1, label=f"centroid {centre:.4f} mm")
         axes.set(
             title=f"{scan.axis} scan, pixel [{row}, {column}]",
@@ -131,15 +140,26 @@ def parts_figure(result: Reconstruction, parts: tuple[ErrorTerm, ...]) -> Figure
 def _map(
     figure: Figure, axes: Axes, result: Reconstruction, values: FloatArray, title: str, unit: str, colours: str
 ) -> None:
-    """One map on the detector's grid, labelled with the mirror coordinates of its rows and columns."""
+    """One map on the detector's grid, labelled with the mirror coordinates of its rows and columns.
+
+    Where the grid is turned against the mirror it is labelled with rows and columns.
+    """
     limits: dict[str, Any] = {}
     if colours == "RdBu_r":
         # single noisy rim pixels do not set the scale; a map of zeros gets scale 1
         largest = np.nanpercentile(np.abs(values), 99.5) or 1.0
         limits = {"vmin": -largest, "vmax": largest}
-    extent = (np.nanmin(result.x_mm), np.nanmax(result.x_mm), np.nanmin(result.y_mm), np.nanmax(result.y_mm))
     used_rows, used_columns = np.nonzero(result.mask)
-    cut = values[used_rows.min() : used_rows.max() + 1, used_columns.min() : used_columns.max() + 1]
+    first, last = (used_rows.min(), used_columns.min()), (used_rows.max() + 1, used_columns.max() + 1)
+    towards = x_direction(result.x_mm, result.y_mm)
+    if towards[0] > UPRIGHT:
+        extent = (np.nanmin(result.x_mm), np.nanmax(result.x_mm), np.nanmin(result.y_mm), np.nanmax(result.y_mm))
+        labels = {"xlabel": "mirror x [mm]", "ylabel": "mirror y [mm]"}
+    else:
+        extent = (first[1] - 0.5, last[1] - 0.5, first[0] - 0.5, last[0] - 0.5)
+        labels = {"xlabel": "detector column", "ylabel": "detector row"}
+    cut = values[first[0] : last[0], first[1] : last[1]]
     picture = axes.imshow(cut, origin="lower", extent=extent, cmap=colours, **limits)
-    axes.set(title=title, xlabel="mirror x [mm]", ylabel="mirror y [mm]")
+    axes.set(title=title, **labels)
+    mark_x(axes, towards)
     figure.colorbar(picture, ax=axes, label=unit)

@@ -66,7 +66,7 @@ class Calibration:
         for name, known in self.known.items():
             ends = distance_ends(name)
             if ends is not None and ends[0] == ends[1]:
-                refuse(("known", name), known.sigma, "be between two different ones of " + ", ".join(PLACES))
+                refuse(("known", name), known.sigma, "be between two different ones of camera, screen, mirror")
             if ends is None and known.mm is not None:
                 must = 'be left out: only distances such as "camera to screen" have it'
                 refuse(("known", name, "mm"), known.mm, must)

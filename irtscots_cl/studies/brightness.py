@@ -51,6 +51,7 @@ def study(traces: SharedTraces) -> StudyResult:
         [("linear", linear[drawn]), ("random, first draw", draws[0]), ("height difference, linear", shown[0]),
          ("height difference, random", shown[1])],
         ["relative brightness"] * 2 + ["nm"] * 2, [(0.9, 1.1), (0.9, 1.1), None, None], ("column", "row"), columns=2,
+        of_detector=[False] * 2 + [True] * 2,  # the first are of the screen
     )  # fmt: skip
     removed = [
         (f"{kind.split(',')[0]}, without {terms.replace('_', ', ')}",

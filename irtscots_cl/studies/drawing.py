@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from irtscots_cl.report.fiducial import mark_x
+
 COLOURS = "jet"  # as the paper's
 
 
@@ -16,8 +18,12 @@ def maps(
     limits: Sequence[tuple[float, float] | None] | None = None,
     axes_labels: tuple[str, str] = ("detector column", "detector row"),
     columns: int = 3,
+    of_detector: Sequence[bool] | None = None,
 ) -> Figure:
-    """Maps side by side, each [rows, columns] with a title and a colour bar. limits: colour range of each map."""
+    """Maps side by side, each [rows, columns] with a title and a colour bar. limits: colour range of each map.
+
+    of_detector: whether each lies as the camera sees the mirror, and is marked as such; None: all do.
+    """
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(4.8 * min(columns, len(panels)), 4.1 * rows), layout="tight")
     grid = figure.subplots(rows, min(columns, len(panels)), squeeze=False).ravel()
@@ -26,6 +32,8 @@ def maps(
         low, high = (None, None) if limits is None or limits[k] is None else limits[k]
         picture = axes.imshow(values, origin="lower", cmap=COLOURS, vmin=low, vmax=high)
         axes.set(title=title, xlabel=axes_labels[0], ylabel=axes_labels[1])
+        if of_detector is None or of_detector[k]:
+            mark_x(axes)
         figure.colorbar(picture, ax=axes, label=labels[k])
     for axes in grid[len(panels) :]:
         axes.set_axis_off()

@@ -106,3 +106,18 @@ def check_sequential(scene: Scene, estimator: str) -> None:
         what = f"camera.lens = {scene.camera.lens!r}"
     must = f"must be left out with --estimator {estimator}, or --estimator be {NONSEQUENTIAL}"
     raise ValueError(f"scene {scene.name}: {what}: {must}")
+
+
+def check_nonsequential(scene: Scene) -> None:
+    """Refuse, with a ValueError, a scene with what the non-sequential estimator does not see."""
+    camera, screen = scene.camera, scene.screen
+    for key, given in (
+        ("camera.intrinsics.distortion", camera.is_distorted and list(camera.intrinsics.distortion)),
+        ("camera.aperture_offset_mm", any(camera.aperture_offset_mm) and list(camera.aperture_offset_mm)),
+        ("screen.shape", screen.shape is not None and "a bent screen"),
+        ("screen.cover_glass", screen.cover_glass is not None and "a plate on the pixels"),
+    ):
+        if given:
+            sequential = ", ".join((*ESTIMATORS, ANALYTIC))
+            must = f"must be left out with --estimator {NONSEQUENTIAL}, or --estimator be {sequential}"
+            raise ValueError(f"scene {scene.name}: {key} = {given}: {must}")

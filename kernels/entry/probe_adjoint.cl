@@ -21,7 +21,7 @@ __kernel void probe_adjoint(__constant Scene *scene, __global const Receiver *re
         const Line line = adjoint_emit(scene, &receiver, &given, v, &weight);
         Meeting met = mirror_meet(scene, &line);
         mirror_deviate(scene, &line, &met);
-        const maskv ahead = adjoint_arrive(scene, &line, &met, &at_u, &at_v);
+        const maskv ahead = adjoint_arrive(scene, &receiver, &line, &met, &at_u, &at_v);
         unit_disk(ray_words(&given, ADJOINT_APERTURE_RADIUS, v), ray_words(&given, ADJOINT_APERTURE_ANGLE, v), &x, &y);
         const realv values[PATH_FIELDS] = {x, y, met.point.x, met.point.y, met.point.z, at_u, at_v, weight};
         const intv masks[2] = {to_int(met.on_mirror), to_int(ahead)};

@@ -17,10 +17,10 @@ typedef struct {
 INLINE maskv ray_bin(__constant Scene *scene, const Launch *launch, const Receiver *receiver, const Line *line,
                      const Meeting *met) {
     realv u, v;
-    const maskv ahead = adjoint_arrive(scene, line, met, &u, &v);
+    const maskv ahead = adjoint_arrive(scene, receiver, line, met, &u, &v);
     const int columns = launch->window_columns, rows = launch->window_rows, fates = columns * rows;
-    const realv x = u * scene->inverse_screen_pitch + (scene->screen_left - receiver->column);
-    const realv y = v * scene->inverse_screen_pitch + (scene->screen_top - receiver->row);
+    const realv x = u * scene->inverse_screen_pitch_x + (scene->screen_left - receiver->column);
+    const realv y = v * scene->inverse_screen_pitch_y + (scene->screen_top - receiver->row);
     const maskv in_window = ahead & (x >= 0) & (y >= 0) & (x < columns) & (y < rows);
     const maskv on_screen = ahead & (x >= -receiver->column) & (x < launch->screen_columns - receiver->column)
                             & (y >= -receiver->row) & (y < launch->screen_rows - receiver->row);

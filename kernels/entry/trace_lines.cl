@@ -26,9 +26,9 @@ INLINE void lines_arrive(Block *block, __constant Scene *scene, const Launch *la
     const Meeting *met = &block->meetings[v];
     realv a, b, at_u, at_v;
     adjoint_aperture(scene, &block->words, v, &a, &b);
-    const maskv ahead = adjoint_arrive(scene, &block->lines[v], met, &at_u, &at_v);
-    const realv x = at_u * scene->inverse_screen_pitch + (scene->screen_left - receiver->start.column);
-    const realv y = at_v * scene->inverse_screen_pitch + (scene->screen_top - receiver->start.row);
+    const maskv ahead = adjoint_arrive(scene, &receiver->start, &block->lines[v], met, &at_u, &at_v);
+    const realv x = at_u * scene->inverse_screen_pitch_x + (scene->screen_left - receiver->start.column);
+    const realv y = at_v * scene->inverse_screen_pitch_y + (scene->screen_top - receiver->start.row);
     const maskv row_on = ahead & (y >= -receiver->start.row) & (y < launch->screen_rows - receiver->start.row);
     const maskv column_on = ahead & (x >= -receiver->start.column)
                             & (x < launch->screen_columns - receiver->start.column);

@@ -4,6 +4,7 @@
 // The host writes ELEMENTS(DO), the scene's list of elements: DO(shape, kind, model, number) for each. shape: plane,
 // quadric or deviated; kind: the name of an interact_* file; model: the name of a scatter_* file, or none.
 #include "work_item.cl"
+#include "frame_*.cl"
 #include "cones_*.cl"
 #include "path_rng_*.cl"
 #include "tally.cl"
@@ -12,17 +13,15 @@
 // cones: of cones_begin; ray: the number of the first one.
 INLINE void emit(const Trace *trace, __global const Emitter *emitter, const Words *words, const Words *keys, uint cones,
                  ulong ray, Rays *rays) {
-    __constant Frame *screen = &trace->scene->screen;
+    __constant Scene *scene = trace->scene;
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
         const Leave aim = cones_leave(trace->job, emitter, words, cones, ray, v);
-        const realv x = emitter->x + trace->scene->screen_pitch * uniform_centred(ray_words(words, FORWARD_PIXEL_X, v));
-        const realv y = emitter->y + trace->scene->screen_pitch * uniform_centred(ray_words(words, FORWARD_PIXEL_Y, v));
-        rays->x[v] = screen->axis_x[0] * x + screen->axis_y[0] * y;
-        rays->y[v] = screen->axis_y[1] * y;
-        rays->z[v] = screen->axis_x[2] * x + screen->axis_y[2] * y;
-        rays->dx[v] = screen->axis_x[0] * aim.l + screen->axis_y[0] * aim.m + screen->axis_z[0] * aim.n;
-        rays->dy[v] = screen->axis_y[1] * aim.m + screen->axis_z[1] * aim.n;
-        rays->dz[v] = screen->axis_x[2] * aim.l + screen->axis_y[2] * aim.m + screen->axis_z[2] * aim.n;
+        const realv x = emitter->x + scene->screen_pitch_x * uniform_centred(ray_words(words, FORWARD_PIXEL_X, v));
+        const realv y = emitter->y + scene->screen_pitch_y * uniform_centred(ray_words(words, FORWARD_PIXEL_Y, v));
+        const vec3v at = frame_across(&scene->screen, x, y);
+        const vec3v along = frame_along(&scene->screen, aim.l, aim.m, aim.n);
+        rays->x[v] = at.x, rays->y[v] = at.y, rays->z[v] = at.z;
+        rays->dx[v] = along.x, rays->dy[v] = along.y, rays->dz[v] = along.z;
         rays->l1_norm[v] = l1_norm_of(rays->x[v], rays->y[v], rays->z[v]);
         rays->weight[v] = aim.weight;
         light_emit(rays, v);

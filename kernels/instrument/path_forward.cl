@@ -1,6 +1,7 @@
 // One forward path in stages: aim and emit (screen -> line), mirror_meet, mirror_deviate, arrive (camera's aperture).
 // Frames: the world's, which is the mirror's; the screen's and the camera's own. Unit: mm.
 #include "arrival_*.cl"
+#include "screen_*.cl"
 #include "emission.cl"
 
 // Position and slopes in the camera's aperture plane, in the camera's frame. through: passed the aperture; clipped:
@@ -10,10 +11,8 @@ typedef struct { realv a, b, slope_a, slope_b; maskv through, clipped; } Arrival
 INLINE Line forward_emit(__constant Scene *scene, const Emitter *emitter, const Direction *aim, const Words *words,
                          int v) {
     const realv n = real_sqrt(1 - aim->l * aim->l - aim->m * aim->m);
-    return frame_depart(&scene->screen,
-                        emitter->x + scene->screen_pitch * uniform_centred(ray_words(words, FORWARD_PIXEL_X, v)),
-                        emitter->y + scene->screen_pitch * uniform_centred(ray_words(words, FORWARD_PIXEL_Y, v)),
-                        aim->l, aim->m, -n);
+    return screen_emit(scene, emitter, uniform_centred(ray_words(words, FORWARD_PIXEL_X, v)),
+                       uniform_centred(ray_words(words, FORWARD_PIXEL_Y, v)), aim->l, aim->m, n);
 }
 
 INLINE Arrival forward_arrive(__constant Scene *scene, const Line *line, const Meeting *met) {

@@ -2,11 +2,7 @@
 //
 // The mirror_*.cl files define the type Meeting, mirror_meet (on the design surface), mirror_deviate (from there to the
 // surface as made) and mirror_normal. They are separate stages; trace_forward.cl says why.
-#include "simd_*.cl"
-
-// The line (x0 + p z, y0 + q z, z). Light on it runs towards -z.
-typedef struct { realv x0, y0, p, q; } Line;
-
+#include "line.cl"
 #include "mirror_*.cl"
 
 // Direction of the light of a line after reflection at a surface with normal n: 2 (d.n) n - (n.n) d, with d = (p, q, 1)

@@ -57,8 +57,8 @@ INLINE void detect(const Trace *trace, real u, real v, real weight, const uint *
     const Launch *launch = trace->launch;
     __constant Scene *scene = trace->scene;
     const int columns = scene->detector_columns, rows = scene->detector_rows;
-    const real column = (real)0.5 * columns - u * scene->inverse_detector_pitch;
-    const real row = (real)0.5 * rows - v * scene->inverse_detector_pitch;
+    const real column = (real)0.5 * columns - u * scene->inverse_detector_pitch_x;
+    const real row = (real)0.5 * rows - v * scene->inverse_detector_pitch_y;
     if (!(column >= 0 && column < columns && row >= 0 && row < rows)) return count_rays(trace, PATH_FAILED, 1);
     count_rays(trace, PATH_DETECTED, 1);
     if (trace->job->found_size > 0) {

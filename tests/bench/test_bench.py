@@ -37,7 +37,7 @@ def short(monkeypatch):
 def test_every_feature_is_a_scene_of_its_own(device):
     cases = throughput.default_cases(device, quick=False)
     features = [case for case in cases if case.group.startswith("one feature")]
-    assert len({(case.scene, case.precision, case.accumulate) for case in features}) == len(features)
+    assert len({(case.scene, case.estimator, case.precision, case.accumulate) for case in features}) == len(features)
     assert len({(case.group, case.name) for case in cases}) == len(cases)
 
 

@@ -20,7 +20,7 @@ __kernel void trace_paths_adjoint(__constant Scene *scene, const Launch launch, 
         const Line line = adjoint_emit(scene, &receiver, &words, v, &weight);
         Meeting met = mirror_meet(scene, &line);
         mirror_deviate(scene, &line, &met);
-        const maskv ahead = adjoint_arrive(scene, &line, &met, &at_u, &at_v);
+        const maskv ahead = adjoint_arrive(scene, &receiver, &line, &met, &at_u, &at_v);
         unit_disk(ray_words(&words, ADJOINT_APERTURE_RADIUS, v), ray_words(&words, ADJOINT_APERTURE_ANGLE, v),
                   &disk_x, &disk_y);
         const realv values[FIELDS] = {line.x0, line.y0, met.point.x, met.point.y, met.point.z, at_u, at_v, weight,

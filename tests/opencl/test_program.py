@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from lopsided import lopsided
+from real_setup import SHAPES, real_setup
 
 from irtscots_cl.opencl.device import DeviceError
 from irtscots_cl.opencl.program import build, check_precision, compose, kernel_files, kernels_folder
@@ -41,12 +42,21 @@ PATH_FAMILIES = {
 }
 # Chosen together: all of one member.
 LIGHT_FAMILIES = {family: ["unpolarised", "polarised"] for family in ("light", "carry", "fresnel")}
+# What the screen and the camera choose between: together, and each alone in other tests.
+DEVICE_FAMILIES = {
+    "frame": ["upright", "turned"],
+    "camera": ["plain", "distorted"],
+    "screen": ["flat", "bent"],
+    "glass": ["none", "plate"],
+}
+PLAIN = {family: members[0] for family, members in DEVICE_FAMILIES.items()}
+REAL = {family: members[1] for family, members in DEVICE_FAMILIES.items()}
 STRUCTS = {"Launch": LAUNCH}
 
 
 def all_choices():
     for members in itertools.product(*FAMILIES.values()):
-        yield dict(zip(FAMILIES, members, strict=True))
+        yield PLAIN | dict(zip(FAMILIES, members, strict=True))
 
 
 def write(path, text):
@@ -82,12 +92,12 @@ def scene_for(choices):
         if c["sampler"] == SAMPLERS[0] and c["accumulate"] == "tile"
         if c["mirror"] == "deviated" or (c["arrival"], c["zernike"]) == ("plain", "power")
     ],
-    ids=lambda c: "-".join(c.values()),
+    ids=lambda c: "-".join(c[family] for family in FAMILIES),
 )
 def test_every_combination_of_files_composes_and_builds(device, choices):
     packed = pack(ChiefRays(scene_for(choices)), "fp32")
     chosen = ("surface", "mirror", "arrival", "aperture", *(["zernike"] if choices["mirror"] == "deviated" else []))
-    assert packed.choices == {family: choices[family] for family in chosen}
+    assert packed.choices == {family: choices[family] for family in (*chosen, *PLAIN)}
     for estimator in (*ESTIMATORS, "lines"):
         width = device.vector_width("fp32")
         source = compose(f"trace_{estimator}.cl", choices, packed.structs, "fp32", width, packed.constants)
@@ -98,6 +108,25 @@ def test_every_combination_of_files_composes_and_builds(device, choices):
         assert [k.function_name for k in build(device, source).all_kernels()] == [f"trace_{estimator}"]
 
 
+@pytest.mark.parametrize("glass", [False, True])
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("distorted", [False, True])
+def test_every_kind_of_camera_and_screen_composes_and_builds(device, precision, distorted, shape, glass):
+    """At the device's own width and ray by ray, as GPUs trace them."""
+    packed = pack(ChiefRays(real_setup(shape, glass, distorted)), precision)
+    expected = {"frame": "turned", "camera": "distorted" if distorted else "plain",
+                "screen": "flat" if shape == "flat" else "bent", "glass": "plate" if glass else "none"}  # fmt: skip
+    assert packed.choices | expected == packed.choices
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    for estimator, width in itertools.product((*ESTIMATORS, "lines"), {1, device.vector_width(precision)}):
+        source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
+        for family, member in expected.items():
+            assert [f for f in source.files if f in {f"{family}_{m}.cl" for m in DEVICE_FAMILIES[family]}] == [
+                f"{family}_{member}.cl"
+            ]
+        build(device, source)
+
+
 def test_no_kernel_file_is_dead():
     used = {
         file
@@ -106,10 +135,12 @@ def test_no_kernel_file_is_dead():
         for precision, width in itertools.product(("fp32", "fp64"), (1, 8))
         for file in compose(f"trace_{estimator}.cl", choices, STRUCTS, precision, width).files
     }
+    for estimator in (*ESTIMATORS, "lines"):
+        used |= set(compose(f"trace_{estimator}.cl", next(all_choices()) | REAL, STRUCTS, "fp32", 8).files)
     for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
     for *members, light in itertools.product(*PATH_FAMILIES.values(), LIGHT_FAMILIES["light"]):
-        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power"}
+        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power", **PLAIN}
         choices |= dict.fromkeys(LIGHT_FAMILIES, light)
         first = [name for name in kernel_files() if name.startswith("interact_")]
         first += ["element_deviated.cl", *(name for name in kernel_files() if name.startswith("scatter_"))]
@@ -132,8 +163,9 @@ def test_families_here_are_those_of_the_folder():
         for path in kernel_files().values()
         for star in re.findall(r'^#include "([a-z0-9_]+)_\*\.cl"', path.read_text(), re.M)
     }
-    assert stars == {*FAMILIES, *PATH_FAMILIES, *LIGHT_FAMILIES, "simd", "real"}
-    for family, members in (FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES).items():
+    families = FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES
+    assert stars == {*families, "simd", "real"}
+    for family, members in families.items():
         assert {f"{family}_{member}.cl" for member in members} == {
             name for name in kernel_files() if re.fullmatch(rf"{family}_[a-z0-9_]+\.cl", name)
         }

@@ -12,12 +12,13 @@ from significance import poisson_ratio_p, sidak_p
 from tracers import setup_of
 
 from irtscots_cl.optics.aim import Aim
+from irtscots_cl.optics.screen_facets import ScreenFacets
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.packing.sources import emitters
 from irtscots_cl.tracing.trace import trace
 
 FAILURE_CHANCE = 1e-6  # of all statistical tests of this file together
-NAMES = ("sphere", "sphere-deviated", "off-axis", "lopsided", "holed")
+NAMES = ("sphere", "sphere-deviated", "off-axis", "lopsided", "holed", "real")
 
 
 def scene_of(name):
@@ -36,16 +37,17 @@ def light_into_camera(scene, rays, seed):
     points, u, v = chief.reverse(
         random.uniform(-0.5, rows - 0.5, rays), random.uniform(-0.5, columns - 0.5, rays), a, b
     )
-    screen, frame = scene.screen, chief.screen_frame
+    screen, facets = scene.screen, ScreenFacets.of(chief)
     column, row = (
-        np.floor((w - offset) / screen.pitch_mm + n / 2)
-        for w, offset, n in zip((u, v), screen.centre_offset_mm, screen.pixels, strict=True)
+        np.floor((w - offset) / pitch + n / 2)
+        for w, offset, n, pitch in zip((u, v), screen.centre_offset_mm, screen.pixels, screen.pitch_xy_mm, strict=True)
     )
     use = chief.surface.contains(points[:, 0], points[:, 1])
     use &= (column >= 0) & (column < screen.pixels[0]) & (row >= 0) & (row < screen.pixels[1])
-    way = points[use] - frame.to_world(u[use], v[use])
-    cosines = way @ frame.axes[:2].T / np.linalg.norm(way, axis=-1, keepdims=True)
-    return (row * screen.pixels[0] + column)[use].astype(int), cosines
+    pixel = (row * screen.pixels[0] + column)[use].astype(int)
+    way = points[use] - chief.screen_model.seen_from(points[use], u[use], v[use])
+    axes = facets.axes[None, :2] if facets.is_flat else facets.axes[pixel, :2]
+    return pixel, np.sum(axes * way[:, None], -1) / np.linalg.norm(way, axis=-1, keepdims=True)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -26,7 +26,7 @@ def masks(scene, overfill=1.0):
     """Names of the elements that rays may meet first, and second."""
     components, screen = components_of(scene), Frame.looking(scene.screen.position_mm, scene.screen.look_at_mm)
     sources, _ = emitters(setup_of(scene), "fp32", overfill, "mirror")
-    bits = may_meet(components, screen, sources, scene.screen.pitch_mm)
+    bits = may_meet(components, screen, sources, scene.screen.pitch_xy_mm)
     return tuple({component.name for k, component in enumerate(components) if bit >> k & 1} for bit in bits)
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import h5py
 import numpy as np
 import pytest
 from image_faults import FAULTS
-from noisy_images import Images, images_of, small
+from noisy_images import Images, images_of, setup_of, small
 
+from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.measurement.quality import ERROR, OK, WARNING
 from irtscots_cl.pipeline.measure import RefusedImagesError, measure
 
@@ -97,6 +99,57 @@ def test_without_noise_all_measures_agree(tmp_path):
     facts = measure(images_of(SCENE).stack(), NOMINAL, tmp_path, how="refined")
     (check,) = (check for check in facts["checks"] if check["name"] == "measure")
     assert check["value"] < 1.0, check
+
+
+# --- a mask -------------------------------------------------------------------------------------------------
+
+
+def half_mask() -> np.ndarray:
+    use = np.zeros((25, 25), bool)
+    use[3:20, 4:16] = True
+    return use
+
+
+def test_only_pixels_of_the_mask_are_measured_and_what_is_beside_them_does_not_matter(tmp_path):
+    """Rubbish beside the mask: brighter light, of other lines. Without the mask it is refused or doubted."""
+    good, use = images(), half_mask()
+    spoilt = good.each(lambda a: np.where(use, a, 1.3 * np.roll(a, 4, axis=0)))
+    facts = measure(spoilt.stack(), NOMINAL, tmp_path, use=use)
+    assert facts["light_curves_refused"]["empty"] == 0  # pixels beside the mask are not refused, they are not asked
+    assert failed(facts).keys() <= {"zernike terms"}  # a part of the mirror does not separate them all
+    alone = measure(good.stack(), NOMINAL, tmp_path / "good", use=use)
+    assert alone["deviation_nm_rms"] == facts["deviation_nm_rms"]
+    with h5py.File(tmp_path / "result.h5") as file:
+        mask = file["mask"][()]
+        assert mask.sum() == facts["pixels_used"] and not (mask & ~use).any()
+        assert file["images/x"][10][~use].any()  # the file keeps the images as they were
+    coverage = setup_of(SCENE).chief_rays.footprint.coverage >= 0.5
+    assert 0.95 * (use & coverage).sum() <= mask.sum() <= (use & coverage).sum()
+
+
+def test_a_mask_of_another_shape_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"a mask of \(24, 25\) .* does not fit images of \(25, 25\)"):
+        measure(images().stack(), NOMINAL, tmp_path, use=half_mask()[1:])
+
+
+@pytest.mark.parametrize("orientation", ["upright", "rows-reversed", "quarter-turn"])
+def test_the_command_takes_a_mask_that_lies_as_the_images_do(irtscots, tmp_path, monkeypatch, orientation):
+    monkeypatch.chdir(tmp_path)
+    detector = dataclasses.replace(SCENE.camera.detector, orientation=orientation)
+    scene = dataclasses.replace(SCENE, camera=dataclasses.replace(SCENE.camera, detector=detector))
+    (tmp_path / "my.toml").write_text(scene.to_toml())
+    write(tmp_path / "lab.h5", images().each(lambda a: stored(a, orientation)))
+    np.save("use.npy", stored(half_mask(), orientation))
+    command = ("reconstruct", "lab.h5", "--scene", "my.toml", "--out", "out", "--mask")
+    code, _, err = irtscots(*command, "use.npy")
+    assert code == 0, err
+    with h5py.File(tmp_path / "out" / "result.h5") as file:
+        assert file.attrs["orientation"] == orientation
+        mask = upright(file["mask"][()], orientation)
+    assert mask.any() and not (mask & ~half_mask()).any()
+    np.save("empty.npy", np.zeros((25, 25)))
+    code, out, err = irtscots(*command, "empty.npy")
+    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("irtscots: --mask = 'empty.npy': is 0 everyw")
 
 
 # --- the command --------------------------------------------------------------------------------------------

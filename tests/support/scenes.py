@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from lopsided import lopsided
+from real_setup import REAL
 
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror
@@ -13,7 +14,9 @@ from irtscots_cl.scene.presets import load_scene
 
 
 def scene_of(name: str) -> Scene:
-    """A preset, or the lop-sided scene in which no two lengths are equal."""
+    """A preset, the lop-sided scene in which no two lengths are equal, or one of REAL with what real set-ups have."""
+    if name in REAL:
+        return REAL[name]()
     return lopsided() if name == "lopsided" else load_scene(name)
 
 

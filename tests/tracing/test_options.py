@@ -5,9 +5,13 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
+from scenes import coarse, with_part
 
+from irtscots_cl.scene.camera_intrinsics import Intrinsics
+from irtscots_cl.scene.screen_shape import CoverGlass, ScreenShape
 from irtscots_cl.tracing.options import AIMS, ANALYTIC, ESTIMATORS, NONSEQUENTIAL, TraceOptions
 from irtscots_cl.tracing.samplers import SAMPLERS
+from irtscots_cl.tracing.trace import trace, trace_paths
 
 ALL = (*ESTIMATORS, ANALYTIC, NONSEQUENTIAL)
 
@@ -99,3 +103,22 @@ def test_a_value_out_of_range_is_refused_in_one_line(given, message):
 @pytest.mark.parametrize(("earlier", "name"), [("roulette", "random"), ("both", "split")])
 def test_earlier_names_of_the_branches_go_on_working(earlier, name):
     assert TraceOptions(NONSEQUENTIAL, branches=earlier) == TraceOptions(NONSEQUENTIAL, branches=name)
+
+
+@pytest.mark.parametrize(
+    ("part", "changes", "message"),
+    [
+        ("camera", {"intrinsics": Intrinsics(distortion=(0.1, 0.0, 0.0, 0.0))},
+         "camera.intrinsics.distortion = [0.1, 0.0, 0.0, 0.0]"),
+        ("camera", {"aperture_offset_mm": (0.1, 0.0)}, "camera.aperture_offset_mm = [0.1, 0.0]"),
+        ("screen", {"shape": ScreenShape(sag_mm=((2, 0, 0.1),))}, "screen.shape = a bent screen"),
+        ("screen", {"cover_glass": CoverGlass(1.0)}, "screen.cover_glass = a plate on the pixels"),
+    ],
+)  # fmt: skip
+def test_what_the_non_sequential_estimator_does_not_see_is_refused(device, part, changes, message):
+    scene = with_part(coarse("sphere", 9), part, **changes)
+    with pytest.raises(ValueError, match="must be left out") as caught:
+        trace_paths(scene, device=device, rays_per_pixel=64)
+    must = "must be left out with --estimator nonsequential, or --estimator be forward, adjoint, analytic"
+    assert str(caught.value) == f"scene sphere: {message}: {must}"
+    assert trace(scene, device=device, rays_per_pixel=64).ledger["detected"] > 0  # as the message says

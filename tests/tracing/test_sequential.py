@@ -10,6 +10,7 @@ import pytest
 from device_kernels import FOLDER, SmallKernel, kernel_text, launch_of
 from lopsided import lopsided
 from oracle import tracer
+from real_setup import real_setup
 from scenes import coarse, rim_view, with_part
 from scipy import stats
 from significance import sidak_p
@@ -297,7 +298,7 @@ def test_counts_do_not_depend_on_the_accumulation(whole, device, monkeypatch):
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 @pytest.mark.parametrize("sampler", SAMPLERS)
-@pytest.mark.parametrize("scene", [coarse(), lopsided()], ids=lambda scene: scene.name)
+@pytest.mark.parametrize("scene", [coarse(), lopsided(), real_setup()], ids=lambda scene: scene.name)
 def test_counts_do_not_depend_on_the_rays_side_by_side(device, scene, sampler, estimator):
     """The kernels of GPUs, one ray per work-item and atomics, on a CPU: the same rays one by one."""
     if device.vector_width("fp32") == 1:
@@ -402,7 +403,7 @@ def ray_by_ray(device, scene, name, sources, chosen, fields, marks, first_ray):
     return kernel.run((len(chosen), RAYS // kernel.block), [launch, sources, chosen], outputs)
 
 
-@pytest.mark.parametrize("scene", [coarse(), lopsided()], ids=lambda scene: scene.name)
+@pytest.mark.parametrize("scene", [coarse(), lopsided(), real_setup()], ids=lambda scene: scene.name)
 def test_forward_counts_are_the_rays_that_came_through(device, scene, start):
     run = trace(scene, device=device, estimator="forward", rays_per_pixel=RAYS - 28, replicates=1, seed=3)
     sources, _ = emitters(Setup(scene), "fp32", 1.0, "mirror")
@@ -428,7 +429,7 @@ def test_forward_counts_are_the_rays_that_came_through(device, scene, start):
     assert np.abs(counted - expected).sum() <= 1e-4 * expected.sum() + 1
 
 
-@pytest.mark.parametrize("scene", [coarse(), lopsided()], ids=lambda scene: scene.name)
+@pytest.mark.parametrize("scene", [coarse(), lopsided(), real_setup()], ids=lambda scene: scene.name)
 def test_adjoint_sums_are_the_weights_that_reached_each_screen_pixel(device, scene, start):
     run = trace(scene, device=device, estimator="adjoint", rays_per_pixel=RAYS - 28, replicates=1, seed=3)
     sources = receivers(ChiefRays(scene), run.windows.pixels, run.windows.origins, "fp32")
@@ -436,7 +437,9 @@ def test_adjoint_sums_are_the_weights_that_reached_each_screen_pixel(device, sce
     paths, marks = ray_by_ray(device, scene, "trace_paths_adjoint", sources, chosen, 10, 2, start)
     paths, marks = paths[:, : RAYS - 28].astype(float), marks[:, : RAYS - 28]
     columns, rows = scene.screen.pixels
-    cursor = (paths[..., 5:7] - scene.screen.centre_offset_mm) / scene.screen.pitch_mm + np.array([columns, rows]) / 2
+    cursor = (paths[..., 5:7] - scene.screen.centre_offset_mm) / scene.screen.pitch_xy_mm + np.array(
+        [columns, rows]
+    ) / 2
     cursor = np.floor(cursor).astype(int)
     landed = marks.all(-1) & (cursor >= 0).all(-1) & (cursor < [columns, rows]).all(-1)
     expected = np.zeros((len(chosen), rows, columns))

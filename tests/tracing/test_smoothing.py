@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from device_kernels import SmallKernel, kernel_text, width_of
 from lopsided import lopsided
+from real_setup import real_setup
 from scenes import coarse
 from scipy import stats
 from significance import sidak_p
@@ -42,7 +43,7 @@ def with_hole() -> Scene:
 
 
 def scene_named(name: str) -> Scene:
-    return {"lopsided": lopsided, "hole": with_hole}.get(name, lambda: load_scene(name))()
+    return {"lopsided": lopsided, "hole": with_hole, "real": real_setup}.get(name, lambda: load_scene(name))()
 
 
 def small_set_up(name: str, mirror=None, screen=None, camera=None, detector=None) -> Scene:
@@ -137,10 +138,10 @@ def assert_pooled(pair: Pair, chosen: np.ndarray) -> None:
     assert p.min() > sidak_p(len(p), FAILURE_CHANCE)  # they correlate: Sidak's limit is then on the safe side
 
 
-@pytest.fixture(scope="module", params=["sphere", "sphere-deviated", "off-axis", "lopsided", "hole"])
+@pytest.fixture(scope="module", params=["sphere", "sphere-deviated", "off-axis", "lopsided", "hole", "real"])
 def pair(request, device) -> Pair:
     scene = scene_named(request.param)
-    return Pair.of(scene if scene.name == "lopsided" else coarse(scene, 63), device, 4096)
+    return Pair.of(scene if request.param in ("lopsided", "real") else coarse(scene, 63), device, 4096)
 
 
 def test_every_pixel_and_line_agrees(pair):

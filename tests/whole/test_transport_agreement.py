@@ -1,7 +1,9 @@
 """Forward and adjoint estimators agree in every bin: the same light, followed in opposite directions.
 
 They share the mirror and the devices' frames, but neither the sampling, the lens, the place on the detector
-or the screen, the accumulation nor the unit. FAILURE_CHANCE, of the whole file, is split among statements.
+or the screen, the accumulation nor the unit; of real set-ups neither the distortion (its formula, and quadratics of its
+inverse), the bent screen (tangent planes, and cubics) nor its glass. FAILURE_CHANCE, of the whole file, is split among
+statements.
 """
 
 from __future__ import annotations
@@ -26,9 +28,11 @@ RAYS = {
     "sphere-deviated": (2**18, 4096),
     "off-axis": (4096, 4096),
     "lopsided": (2**18, 2**14),
+    "real": (2**18, 2**14),
+    "real-points": (2**18, 2**14),
 }
 POOL = {"off-axis": (8, 20)}  # detector and screen pixels per side of a pool; its forward hits are few
-SCENES = [*sequential_presets(), "lopsided"]
+SCENES = [*sequential_presets(), "lopsided", "real", "real-points"]
 STATEMENTS = 4 * len(SCENES)
 CHANCE = FAILURE_CHANCE / STATEMENTS
 

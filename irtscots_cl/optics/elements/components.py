@@ -8,7 +8,7 @@ import numpy as np
 
 from irtscots_cl.maths.frame import Frame
 from irtscots_cl.maths.quadric import Quadric
-from irtscots_cl.optics.camera_model import camera_frame
+from irtscots_cl.optics.camera_model import CameraModel, camera_frame
 from irtscots_cl.optics.screen_model import screen_frame
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.element import Element
@@ -71,11 +71,15 @@ def _mirror(scene: Scene) -> Component:
 
 
 def _camera(scene: Scene) -> list[Component]:
-    camera, detector = scene.camera, scene.camera.detector
-    frame = camera_frame(camera)
-    half = tuple(n * detector.pitch_mm / 2 for n in detector.pixels)
+    camera, model = scene.camera, CameraModel.of(scene.camera)
+    frame, (columns, rows) = camera_frame(camera), camera.detector.pixels
+    half = tuple(n * pitch / 2 for n, pitch in zip((columns, rows), model.pitch_mm, strict=True))
     distance = camera.detector_distance_mm or camera.image_distance_mm
     behind = Frame(frame.position_mm + distance * frame.axes[2], frame.axes)
+    from_axis = [(at - (n - 1) / 2) * p for at, n, p in
+                 zip(model.centre[::-1], (columns, rows), model.pitch_mm, strict=True)]  # fmt: skip
+    if any(from_axis):  # the image is upside down: the detector's middle lies where the principal point is from it
+        behind = Frame(behind.position_mm + np.array(from_axis) @ frame.axes[:2], frame.axes)
     radius = camera.aperture_diameter_mm / 2
     rim = max(STOP_RIM * 2 * float(np.hypot(*half)), 4 * radius)
     stop = Component("stop", "absorber", "plane", frame, outer_mm=rim, inner_mm=radius)

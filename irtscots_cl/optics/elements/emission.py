@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irtscots_cl.optics.aim import Aim, covering_ellipses, half_diagonal, pixel_centres
+from irtscots_cl.optics.aim import Aim, covering_ellipses
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.elements.components import Component
 from irtscots_cl.optics.elements.walk import distance_to, walk
+from irtscots_cl.optics.screen_facets import ScreenFacets, pixel_centres
 
 FIRST_RING, RING_GROWTH = 2e-4, 1.5  # relative distance beyond the mirror's cone, of rings of directions
 RINGS, SPOKES = 30, 24
@@ -141,9 +142,11 @@ class _Outside:
 
     def _in_field(self, along: np.ndarray) -> np.ndarray:
         """Whether light of these directions comes to the camera from the front, near the field of its detector."""
-        frame, camera = self.chief.camera_frame, self.chief.scene.camera
+        frame, camera, model = self.chief.camera_frame, self.chief.scene.camera, self.chief.camera_model
         local = along @ frame.axes.T
-        half = float(np.hypot(*camera.detector.pixels)) * camera.detector.pitch_mm / 2
+        pixels = np.array(camera.detector.pixels)
+        off_axis = np.abs(model.centre[::-1] - (pixels - 1) / 2)  # the detector's middle, in pixels
+        half = float(np.hypot(*((pixels / 2 + off_axis) * model.pitch_mm)))
         reach = (half + camera.aperture_diameter_mm) / (camera.detector_distance_mm or camera.image_distance_mm)
         return (local[..., 2] > 0) & (np.hypot(local[..., 0], local[..., 1]) <= FIELD * reach * local[..., 2])
 
@@ -190,7 +193,7 @@ def _to_element(chief: ChiefRays, component: Component) -> Aim | None:
     """Ellipses that cover an element. None: hardly less than the half space, as if it reaches to the screen's plane."""
     rim = _rim(component) if component.name != "stop" else component.inner_mm / component.outer_mm * _rim(component)
     x, y = pixel_centres(chief)
-    frame, half_pixel, points = chief.screen_frame, half_diagonal(chief.scene.screen), _on_surface(component, rim)
+    frame, half_pixel, points = chief.screen_frame, ScreenFacets.of(chief).half_diagonal, _on_surface(component, rim)
     centre, root = np.empty((len(x), 2)), np.empty((len(x), 2, 2))
     try:
         with np.errstate(invalid="ignore", divide="ignore"):

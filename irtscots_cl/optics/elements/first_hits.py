@@ -17,12 +17,14 @@ RINGS, SPOKES = 3, 32  # of points on the mirror
 ALL = 0xFFFFFFFF
 
 
-def may_meet(components: tuple[Component, ...], screen: Frame, sources: np.ndarray, pitch_mm: float) -> tuple[int, int]:
+def may_meet(
+    components: tuple[Component, ...], screen: Frame, sources: np.ndarray, pitch_xy_mm: tuple[float, float]
+) -> tuple[int, int]:
     """Bits of the elements that rays may meet first, and second.
 
-    sources: structs.emitter_dtype. components[0] is the mirror. pitch_mm: of the screen.
+    sources: structs.emitter_dtype. components[0] is the mirror. pitch_xy_mm: of the screen.
     """
-    starts, directions = _emission(screen, sources, pitch_mm)
+    starts, directions = _emission(screen, sources, pitch_xy_mm)
     first = [number for number, component in enumerate(components) if not _leaves_behind(component, starts, directions)]
     bits = sum(1 << number for number in first)
     second = ALL
@@ -31,10 +33,12 @@ def may_meet(components: tuple[Component, ...], screen: Frame, sources: np.ndarr
     return bits, second
 
 
-def _emission(screen: Frame, sources: np.ndarray, pitch_mm: float) -> tuple[np.ndarray, np.ndarray]:
+def _emission(screen: Frame, sources: np.ndarray, pitch_xy_mm: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Corners [4, 3] of the screen, and directions [n, 3] whose cone contains all rays; none if it is too wide."""
-    u, v = (sources[axis].astype(float) for axis in ("x", "y"))
-    rim_u, rim_v = (np.array([c.min() - pitch_mm / 2, c.max() + pitch_mm / 2]) for c in (u, v))
+    centres = (sources[axis].astype(float) for axis in ("x", "y"))
+    rim_u, rim_v = (
+        np.array([c.min() - pitch / 2, c.max() + pitch / 2]) for c, pitch in zip(centres, pitch_xy_mm, strict=True)
+    )
     corners = np.stack(np.meshgrid(rim_u, rim_v), -1).reshape(-1, 2)
     half_l = np.abs(sources["aim_ll"]).astype(float)
     half_m = np.hypot(sources["aim_ml"], sources["aim_mm"]).astype(float)

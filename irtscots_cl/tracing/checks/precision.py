@@ -99,7 +99,7 @@ def _chosen(chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
 def _slopes(chief: ChiefRays, points: np.ndarray, landing: np.ndarray) -> np.ndarray:
     """Slopes [2, n] of the mirror that sends light from the camera's aperture by way of points [n, 3] to landing
     [2, n]: the normal halves the angle."""
-    ways = (chief.screen_frame.to_world(*landing.astype(float)) - points, chief.camera_frame.position_mm - points)
+    ways = (chief.screen_model.to_world(*landing.astype(float)) - points, chief.camera_frame.position_mm - points)
     half = sum(way / np.linalg.norm(way, axis=-1, keepdims=True) for way in ways)
     return -half[:, :2].T / half[:, 2]
 

@@ -27,7 +27,7 @@ from irtscots_cl.scene.presets import parse_scene
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system.memory import check_memory
 from irtscots_cl.tracing.estimators.path_sums import ENDS, TRACKED_PATHS, PathSums, TrackedPaths, ledger_of
-from irtscots_cl.tracing.options import EXTRA_EVENTS, TraceOptions
+from irtscots_cl.tracing.options import EXTRA_EVENTS, TraceOptions, check_nonsequential
 from irtscots_cl.tracing.packing.components import is_rough, pack_elements, pack_scatter, path_job, unit_area
 from irtscots_cl.tracing.packing.launch import launch_structure
 from irtscots_cl.tracing.packing.scene import pack
@@ -86,6 +86,7 @@ class PathTask:
 
     def __post_init__(self) -> None:
         scene = self.setup.scene
+        check_nonsequential(scene)
         check_visible(self.setup.chief_rays, f"scene {scene.name}")
         check_media(scene, self.components)
         _, lines, pixels = self.sums_shapes[1]

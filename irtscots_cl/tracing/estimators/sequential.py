@@ -17,6 +17,7 @@ from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import LocalMemory
 from irtscots_cl.opencl.program import check_precision, compose
 from irtscots_cl.opencl.structs import WEIGHT_ONE, Fate
+from irtscots_cl.optics.screen_facets import ScreenFacets
 from irtscots_cl.optics.screen_windows import Windows
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.presets import parse_scene
@@ -24,7 +25,7 @@ from irtscots_cl.system.memory import check_memory
 from irtscots_cl.tracing.options import TraceOptions, check_sequential
 from irtscots_cl.tracing.packing.launch import launch_structure
 from irtscots_cl.tracing.packing.scene import Packed, pack
-from irtscots_cl.tracing.packing.sources import cosine4, emitters, line_receivers, receivers
+from irtscots_cl.tracing.packing.sources import emitters, line_receivers, receivers, relative_flux
 from irtscots_cl.tracing.results.transport import LineLight, Transport, ledger_from, line_flux
 
 MARGINS = (1, 2, 4, 8)  # screen pixels; a larger error of the chief rays is a bug
@@ -68,12 +69,11 @@ def trace_rays(
 
 
 def _check_in_front(setup: Setup) -> None:
-    """Raise ValueError if part of the mirror is behind the screen's plane, where no ray of the screen goes."""
-    surface, frame = setup.chief_rays.surface, setup.chief_rays.screen_frame
+    """Raise ValueError if part of the mirror is behind the plane of a screen pixel, where none of its rays go."""
+    surface = setup.chief_rays.surface
     angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
     x, y = surface.aperture_radius_mm * np.cos(angle), surface.aperture_radius_mm * np.sin(angle)
-    points = np.stack([x, y, surface.sag(x, y)], -1)
-    if ((points - frame.position_mm) @ frame.axes[2] >= 0).any():
+    if not ScreenFacets.of(setup.chief_rays).sees(np.stack([x, y, surface.sag(x, y)], -1)):
         raise ValueError(
             f"scene {setup.scene.name}: --estimator forward: part of the mirror is behind the screen's plane, and its "
             "rays are aimed at the whole mirror; must be all in front of it, or another --estimator"
@@ -161,7 +161,7 @@ class SequentialTask:
             return structs, windows.gather(unit)
         chief = self.setup.chief_rays
         area = np.pi / 4 * camera.aperture_diameter_mm**2 * chief.camera_model.pixel_area_mm2
-        unit = gain * area / camera.image_distance_mm**2 * cosine4(chief, windows.pixels) / WEIGHT_ONE
+        unit = gain * area / camera.image_distance_mm**2 * relative_flux(chief, windows.pixels) / WEIGHT_ONE
         if options.smoothing:
             structs = line_receivers(self.setup, windows.pixels, windows.origins, options.precision)
         else:

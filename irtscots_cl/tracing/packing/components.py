@@ -123,5 +123,5 @@ def path_job(
         job["cone_from"], job["may"] = cone_from, (ALL, ALL)
         return job
     screen = screen_frame(scene.screen)
-    job["may"] = may_meet(components, screen, sources, scene.screen.pitch_mm)
+    job["may"] = may_meet(components, screen, sources, scene.screen.pitch_xy_mm)
     return job

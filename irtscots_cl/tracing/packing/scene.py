@@ -13,9 +13,13 @@ from irtscots_cl.opencl.structs import (
     PRECISIONS,
     chord_dtype,
     emitter_dtype,
+    facet_dtype,
     frame_dtype,
+    image_dtype,
+    lens_dtype,
     line_receiver_dtype,
     mirror_dtype,
+    patch_dtype,
     receiver_dtype,
     scene_dtype,
     zernike_clenshaw_dtype,
@@ -28,6 +32,8 @@ from irtscots_cl.optics.surface import Surface
 MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
 MAX_NEWTON_STEPS = 8  # more than any deviation needs that is still a mirror's
 NEWTON_SLOPE = {"fp32": 1e-9, "fp64": 1e-13}  # rad, left by the last step; fp32's own rounding is 1e-8
+EDGE_POINTS = 65  # along each side of the image, where its largest radius is looked for
+BEYOND_EDGE = 1e-3  # of the square of that radius: room for the points between
 SLIGHT_SLOPE = 1e-6  # 100 steps of a single-precision slope: larger ones are lost by less than 1e-3 on average
 
 
@@ -47,12 +53,15 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
     deviation = surface.deviation
     annular = surface.obscuration_radius_mm > 0
     mirror = mirror_dtype(real, deviation is not None, annular)
+    distorted, bent = chief.camera_model.is_distorted, chief.screen_model.surface is not None
     structs = {
         "Launch": LAUNCH,
-        "Emitter": emitter_dtype(real),
-        "Receiver": receiver_dtype(real),
+        **({"Facet": facet_dtype(real), "Patch": patch_dtype(real)} if bent else {}),
+        **({"Image": image_dtype(real), "Lens": lens_dtype(real)} if distorted else {}),
+        "Emitter": emitter_dtype(real, bent),
+        "Receiver": receiver_dtype(real, distorted, bent),
         "Chord": chord_dtype(real),
-        "LineReceiver": line_receiver_dtype(real),
+        "LineReceiver": line_receiver_dtype(real, distorted, bent),
         "Frame": frame_dtype(real),
         "Mirror": mirror,
     }
@@ -65,7 +74,8 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
         zernike = tables.dtype
         choices["zernike"] = "power" if few else "clenshaw"
         structs |= declared | {"Zernike": zernike}
-    structs["Scene"] = scene_dtype(real, mirror, zernike)
+    glass = chief.screen_model.glass
+    structs["Scene"] = scene_dtype(real, mirror, zernike, structs.get("Lens"), glass is not None)
     scene = np.zeros(1, structs["Scene"])
     _fill_mirror(scene["mirror"][0:1], surface)
     if deviation is not None:
@@ -75,11 +85,19 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
     _fill_devices(scene, chief)
     if tables is not None:
         scene["zernike"] = tables
+    if distorted:
+        _fill_lens(scene["lens"], chief)
+    if glass is not None:
+        scene["glass_thickness"], scene["glass_index2"] = glass.thickness_mm, glass.index**2
     choices |= {
         "surface": _surface_file(chief.scene.mirror),
         "mirror": "deviated" if deviation is not None else "nominal",
         "arrival": "compensated" if _is_slight(surface, precision) else "plain",
         "aperture": "annulus" if annular else "disk",
+        "frame": "turned" if chief.screen_frame.axes[0, 1] or chief.camera_frame.axes[0, 1] else "upright",
+        "camera": "distorted" if distorted else "plain",
+        "screen": "bent" if bent else "flat",
+        "glass": "none" if glass is None else "plate",
     }
     return Packed(choices, structs, constants, scene)
 
@@ -138,25 +156,54 @@ def _fill_frame(out: np.ndarray, frame: Frame) -> None:
 
 
 def _fill_devices(out: np.ndarray, chief: ChiefRays) -> None:
-    screen, camera = chief.scene.screen, chief.scene.camera
-    edge = np.array(screen.pixels) / 2 - np.array(screen.centre_offset_mm) / screen.pitch_mm
+    screen, camera, model = chief.scene.screen, chief.scene.camera, chief.camera_model
+    pitch, of_pixels = np.array(screen.pitch_xy_mm), np.array(model.pitch_mm)
+    shift = np.array(model.shift) * model.image_distance_mm  # from an image point seen from the aperture's centre
+    centre = np.array(model.centre[::-1]) if model.is_distorted else model.centre[::-1] + shift / of_pixels
     values = {
-        "screen_pitch": screen.pitch_mm,
-        "inverse_screen_pitch": 1 / screen.pitch_mm,
-        "screen_left": edge[0],
-        "screen_top": edge[1],
+        "screen_pitch": pitch,
+        "inverse_screen_pitch": 1 / pitch,
+        "detector_pitch": of_pixels,
+        "inverse_detector_pitch": 1 / of_pixels,
+    }
+    pairs = {f"{name}_{axis}": value for name, both in values.items() for axis, value in zip("xy", both, strict=True)}
+    pairs["screen_left"], pairs["screen_top"] = np.array(screen.pixels) / 2 - np.array(screen.centre_offset_mm) / pitch
+    pairs["detector_left"], pairs["detector_top"] = centre + 0.5
+    for name, value in {
         "aperture_radius": camera.aperture_diameter_mm / 2,
         "aperture_radius2": (camera.aperture_diameter_mm / 2) ** 2,
         "inverse_focal_length": 1 / camera.focal_length_mm,
         "inverse_focus": 1 / camera.focus_mm,
         "image_distance": camera.image_distance_mm,
         "inverse_image_distance": 1 / camera.image_distance_mm,
-        "detector_pitch": camera.detector.pitch_mm,
-        "inverse_detector_pitch": 1 / camera.detector.pitch_mm,
         "detector_columns": camera.detector.pixels[0],
         "detector_rows": camera.detector.pixels[1],
-    }
-    for name, value in values.items():
+        **pairs,
+    }.items():
+        out[name] = value
+
+
+def _fill_lens(out: np.ndarray, chief: ChiefRays) -> None:
+    model, (rows, columns) = chief.camera_model, chief.shape
+    k1, k2, p1, p2, k3, k4, k5, k6 = model.distortion
+    edge = np.linspace(-0.5, 0.5, EDGE_POINTS)
+    across, down = (columns - 1) / 2 + edge * columns, (rows - 1) / 2 + edge * rows
+    on_edge = [(down, -0.5), (down, columns - 0.5), (-0.5, across), (rows - 0.5, across)]
+    points = [np.array(model.image_point(*at)) / model.image_distance_mm for at in on_edge]
+    radius2 = [np.sum((point + np.array(model.shift)[:, None]) ** 2, 0) for point in points]
+    focal = model.image_distance_mm / np.array(model.pitch_mm)
+    for name, value in {
+        "above": (k1 - k4, k2 - k5, k3 - k6),
+        "below": (k4, k5, k6),
+        "p1": p1,
+        "p2": p2,
+        "focal_x": focal[0],
+        "focal_y": focal[1],
+        "shift_x": model.shift[0],
+        "shift_y": model.shift[1],
+        "most2": np.nanmax(radius2) * (1 + BEYOND_EDGE),
+        "inverse_pixel_area": 1 / model.pixel_area_mm2,
+    }.items():
         out[name] = value
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import coarse, scene_of
+from device_kernels import SmallKernel, kernel_text
+from real_setup import SHAPES, real_setup
+from scenes import coarse, scene_of, with_part
 
 from irtscots_cl.opencl.structs import PRECISIONS
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.camera_intrinsics import Intrinsics
 from irtscots_cl.tracing.checks.probes import BLOCK, MeetProbe, PathProbe, uniform_centred
 from irtscots_cl.tracing.packing.sources import emitters, receivers
 
@@ -88,6 +91,97 @@ def test_forward_paths_name_the_pixel_that_sees_their_point_of_the_mirror(device
     far = np.abs(paths.point.T[light] - seen)[:, :2].max(1)
     pitch = np.linalg.norm(np.diff(chief.reverse(np.array([4, 4]), np.array([4, 5]))[0], axis=0))
     assert (far < 0.7 * pitch).all()  # half a pixel on the mirror, and the blur of the aperture
+
+
+def pixels_of(scene, count=40):
+    """Some of the detector pixels that see the mirror."""
+    visible = np.flatnonzero(ChiefRays(scene).sees_mirror)
+    return visible[np.linspace(0, len(visible) - 1, count).astype(int)]
+
+
+def on_screen(scene, u, v):
+    """Landing points on the screen's pixels."""
+    inside = [
+        np.abs(w - offset) < n * pitch / 2
+        for w, offset, n, pitch in zip(
+            (u, v), scene.screen.centre_offset_mm, scene.screen.pixels, scene.screen.pitch_xy_mm, strict=True
+        )
+    ]
+    return inside[0] & inside[1]
+
+
+@pytest.mark.parametrize("glass", [False, True])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_adjoint_paths_of_a_real_set_up_are_the_chief_rays(device, precision, shape, glass):
+    """Through a distorted camera onto a bent screen under glass, all turned and shifted: landing points and weights."""
+    scene = real_setup(shape, glass)
+    chief, pixels = ChiefRays(scene), pixels_of(scene)
+    words = spread_words(len(pixels) * BLOCK)
+    sources = receivers(chief, pixels, np.zeros((len(pixels), 2), int), precision).repeat(BLOCK)
+    paths = PathProbe(device, scene, precision, "adjoint")(sources, words)
+    row, column = np.divmod(pixels.repeat(BLOCK), chief.shape[1])
+    row, column = row + uniform_centred(words[:, 1]), column + uniform_centred(words[:, 0])
+    a, b = scene.camera.aperture_diameter_mm / 2 * paths.disk.astype(float)
+    points, u, v = chief.reverse(row, column, a, b)
+    on = paths.on_mirror & paths.ahead & on_screen(scene, u, v)
+    assert on.sum() > 4000
+    # the quadratic of the distortion: 2e-5 of a pixel, of which one is 4 mm on the mirror; and rounding at 2 m
+    np.testing.assert_allclose(paths.point.T[on], points[on], rtol=0, atol={"fp32": 2e-4, "fp64": 4e-5}[precision])
+    # of the measured points, whose spline has kinks in its third derivative, the cubic: 1e-3 of a screen pixel
+    limit = {"fp32": 4e-4, "fp64": 2e-6}[precision] + 1e-3 * (shape == "points")
+    np.testing.assert_allclose(paths.landing[:, on], np.stack([u, v])[:, on], rtol=0, atol=limit)
+    x, y = chief.camera_model.image_point(row, column)
+    camera = scene.camera
+    slopes = [p / camera.focus_mm - w / camera.image_distance_mm for p, w in ((a, x), (b, y))]
+    weight = (1 + slopes[0] ** 2 + slopes[1] ** 2) ** -2 * chief.camera_model.stretch(row, column)
+    np.testing.assert_allclose(paths.weight, weight, rtol=5e-5)  # of a change by 1e-2 over a pixel
+
+
+@pytest.mark.parametrize("glass", [False, True])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_forward_paths_of_a_real_set_up_start_where_the_camera_sees(device, precision, shape, glass):
+    """The chief ray back from where a forward ray enters the camera lights the place that it left, and the pixel is
+    the camera model's."""
+    scene = real_setup(shape, glass)
+    chief, camera, screen = ChiefRays(scene), scene.camera, scene.screen
+    sources, _ = emitters(Setup(scene), precision, 1.0, "mirror")
+    chosen = np.linspace(0, len(sources) - 1, 40).astype(int).repeat(BLOCK)
+    words = spread_words(len(chosen))
+    paths = PathProbe(device, scene, precision, "forward")(sources[chosen], words)
+    place = np.stack(np.divmod(chosen, screen.pixels[0]))[::-1] + uniform_centred(words[:, :2]).T
+    left = [(at - (n - 1) / 2) * pitch + offset for at, n, pitch, offset in
+            zip(place, screen.pixels, screen.pitch_xy_mm, screen.centre_offset_mm, strict=True)]  # fmt: skip
+    (a, b), (p, q) = paths.aperture.astype(float), paths.slopes.astype(float)
+    image = [camera.image_distance_mm * (w / camera.focus_mm - slope) for w, slope in ((a, p), (b, q))]
+    row, column = chief.camera_model.pixel(*image)
+    (columns, rows), seen = camera.detector.pixels, paths.on_mirror & (np.hypot(a, b) < 60.0)
+    seen &= (np.abs(row - (rows - 1) / 2) < rows / 2) & (np.abs(column - (columns - 1) / 2) < columns / 2)
+    points, u, v = chief.reverse(row, column, a, b)
+    assert seen.sum() > 7000
+    np.testing.assert_allclose(paths.point.T[seen], points[seen], rtol=0, atol={"fp32": 2e-4, "fp64": 1e-8}[precision])
+    # a pixel of a bent screen is taken as its tangent plane: pitch^2 / 8 over 60 mm, along a slope of 1/3; and its
+    # glass as plane over a pixel
+    bend = 0 if shape == "flat" else 1.2e-3 + 1.2e-3 * glass
+    limit = {"fp32": 4e-4, "fp64": 2e-9}[precision] + bend
+    np.testing.assert_allclose(np.stack([u, v])[:, seen], np.stack(left)[:, seen], rtol=0, atol=limit)
+    edge = np.abs((np.stack([row, column])[:, seen] + 0.5) % 1 - 0.5).max(0) > 0.499
+    number = (np.rint(row) * columns + np.rint(column))[seen]
+    assert (paths.pixel[seen][~edge] == number[~edge]).all() and edge.mean() < 0.01
+
+
+def test_light_from_far_beside_the_image_is_not_folded_back_into_it(device, tmp_path):
+    """A barrel distortion turns round at a radius of 0.94 focal lengths; at 1.63 its polynomial is back on the axis."""
+    scene = with_part(coarse("sphere", 25), "camera", intrinsics=Intrinsics(distortion=(-0.375, 0.0, 0.0, 0.0, 0.0)))
+    entry = kernel_text(
+        tmp_path / "pixel_of.cl", ["camera_*.cl"], "__constant Scene *scene, __global int *out",
+        "    const real x = scene->image_distance * (real)0.01 * get_global_id(0);\n"
+        "    out[get_global_id(0)] = camera_pixel(scene, x, 0);",
+    )  # fmt: skip
+    (pixel,) = SmallKernel(device, entry, "fp32", scene, width=1).run((300, 1), [], [np.zeros(300, np.int32)])
+    inside = pixel >= 0
+    half = 125 * 0.037 / 2 / scene.camera.image_distance_mm  # of the image, 0.145
+    assert 0.14 < half < 0.15
+    assert inside[:15].all() and not inside[15:].any()
 
 
 def test_uniform_centred_is_symmetric_and_keeps_off_zero_and_the_ends():

@@ -60,7 +60,7 @@ def test_the_packed_mirror_and_devices_are_the_scenes(name):
         offset = np.array(packed[part]["offset"].tolist()[:3])
         np.testing.assert_allclose(axes @ place + offset, 0, atol=1e-9)  # the frame's origin is its zero
     # the left edge of the screen's first column is half a grid from its centre
-    pitch, edge = packed["screen_pitch"], (packed["screen_left"], packed["screen_top"])
+    pitch, edge = packed["screen_pitch_x"], (packed["screen_left"], packed["screen_top"])
     for k in range(2):
         first_edge = scene.screen.centre_offset_mm[k] - scene.screen.pixels[k] / 2 * pitch
         assert first_edge / pitch + edge[k] == pytest.approx(0, abs=1e-12)

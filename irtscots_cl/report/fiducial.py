@@ -1,0 +1,54 @@
+"""The mark of every map on the detector or the mirror: an arrow to the mirror's +x, and from where it is seen."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
+
+from irtscots_cl.maths.arrays import FloatArray
+
+WORDS = "seen from the camera"
+SIZE = 6.5  # of the letters, in points
+LENGTH = 26  # of the arrow, in points
+FROM = (0.03, 0.03)  # the corner that a round mirror leaves free, in parts of the axes
+_OUTLINE = [withStroke(linewidth=2, foreground="white")]  # readable on bright and dark maps
+
+
+def mark_x(axes: Axes, towards: tuple[float, float] = (1.0, 0.0)) -> None:
+    """Mark a map, drawn as the camera sees it, with an arrow to +x of the mirror's frame and with WORDS.
+
+    towards: direction of +x on the page (right, up); of any length.
+    """
+    way = np.array(towards, float) / np.hypot(*towards)
+    half, label = LENGTH / 2 * way, (LENGTH / 2 + SIZE) * way
+    # as near to the corner as tail and label allow, whatever the direction
+    middle = np.maximum(5.0 + half, np.array([1.3, 1.1]) * SIZE - label)
+    arrow = axes.annotate(
+        "", xy=middle + half, xytext=middle - half, xycoords="axes points", textcoords="axes points",
+        arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0,
+                    "path_effects": _OUTLINE},
+    )  # fmt: skip
+    arrow.set_gid("fiducial")
+    axes.annotate(
+        "+x", middle + label, xycoords="axes points", ha="center", va="center", fontsize=SIZE, path_effects=_OUTLINE
+    )
+    axes.text(1 - FROM[0], FROM[1], WORDS, transform=axes.transAxes, ha="right", va="bottom", fontsize=SIZE,
+              path_effects=_OUTLINE)  # fmt: skip
+
+
+def x_direction(x_mm: FloatArray, y_mm: FloatArray) -> tuple[float, float]:
+    """Direction (along the columns, along the rows) of +x on a grid with mirror points x, y [rows, columns]; NaN where
+    a pixel sees none.
+
+    (1, 0) where fewer than three pixels tell.
+    """
+    row, column = np.nonzero(np.isfinite(x_mm + y_mm))
+    if len(row) < 3 or min(np.ptp(row), np.ptp(column)) == 0:
+        return 1.0, 0.0
+    design = np.stack([column - column.mean(), row - row.mean(), np.ones(len(row))], -1)
+    places = np.stack([x_mm[row, column], y_mm[row, column]], -1)
+    along_column, along_row = np.linalg.lstsq(design, places, rcond=None)[0][:2]
+    found = np.linalg.solve(np.stack([along_column, along_row], -1), [1.0, 0.0])
+    found = found / np.hypot(*found)
+    return float(found[0]), float(found[1])

@@ -1,0 +1,91 @@
+"""The mark on every map: where the mirror's +x is, seen from the camera."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from scenes import coarse, with_part
+
+from irtscots_cl.analysis.comparison import compare
+from irtscots_cl.analysis.error_terms import ErrorTerm
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.measurement.methods import measure_by
+from irtscots_cl.report.fiducial import WORDS, mark_x, x_direction
+from irtscots_cl.report.figures import height_figure, image_figure, parts_figure, slope_figure
+from irtscots_cl.studies.drawing import maps
+from irtscots_cl.tracing.trace import trace
+
+
+def marks_of(axes) -> list:
+    return [text for text in axes.texts if text.get_gid() == "fiducial"]
+
+
+def direction_of(axes) -> np.ndarray:
+    """Unit vector (right, up) of the arrow on the page."""
+    (arrow,) = marks_of(axes)
+    along = np.subtract(arrow.xy, arrow.xyann)
+    return along / np.linalg.norm(along)
+
+
+def measured(**camera):
+    scene = with_part(coarse("sphere-deviated", 21), "camera", **camera)
+    stack = trace(scene, estimator="analytic").images(LineScan(scene))
+    return scene, stack, measure_by("paper", stack, scene.nominal())
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 90.0, 180.0, -120.0])
+def test_the_direction_of_x_on_a_turned_and_stretched_grid(degrees):
+    angle = np.radians(degrees)
+    row, column = np.meshgrid(np.arange(20.0), np.arange(30.0), indexing="ij")
+    x = 5 * (np.cos(angle) * column - np.sin(angle) * row) + 100
+    y = 5 * (np.sin(angle) * column + np.cos(angle) * row) - 3
+    x[3:7, 4:9] = np.nan
+    assert x_direction(x, y) == pytest.approx((np.cos(angle), -np.sin(angle)), abs=1e-9)
+
+
+def test_too_few_pixels_tell_no_direction():
+    x = np.full((4, 4), np.nan)
+    x[0, :3] = 1.0
+    assert x_direction(x, x) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize("roll", [0.0, 50.0, -90.0])
+def test_every_map_of_a_run_has_an_arrow_to_x_and_the_words(roll):
+    """A camera that rolls by r from x towards y sees the mirror's +x turned by -r."""
+    scene, stack, result = measured(roll_deg=roll)
+    comparison = compare(result, scene)
+    part = ErrorTerm("ray noise", (0.0, 0.0), 1.0, result.deviation_mm)
+    towards = np.array([np.cos(np.radians(roll)), -np.sin(np.radians(roll))])
+    figures = [image_figure(stack, x_direction(result.x_mm, result.y_mm)), slope_figure(result),
+               height_figure(result, comparison), height_figure(result, None),
+               parts_figure(result, (part,))]  # fmt: skip
+    for figure in figures:
+        shown = [axes for axes in figure.axes if axes.images]
+        assert shown
+        for axes in shown:
+            np.testing.assert_allclose(direction_of(axes), towards, atol=0.02)
+            assert WORDS in [text.get_text() for text in axes.texts]
+            assert "+x" in [text.get_text() for text in axes.texts]
+    labels = {axes.get_xlabel() for axes in figures[2].axes if axes.images}
+    assert labels == ({"mirror x [mm]"} if roll == 0.0 else {"detector column"})
+
+
+def test_maps_of_the_studies_are_marked_but_not_those_of_the_screen():
+    figure = maps([("a", np.eye(3)), ("b", np.eye(3))], "nm", of_detector=[False, True])
+    assert [len(marks_of(axes)) for axes in figure.axes[:2]] == [0, 1]
+    for axes in maps([("a", np.eye(3)), ("b", np.eye(3))], "nm").axes[:2]:
+        np.testing.assert_allclose(direction_of(axes), (1.0, 0.0))
+
+
+@pytest.mark.parametrize("degrees", range(0, 360, 30))
+def test_the_mark_stays_inside_the_map(degrees):
+    figure = Figure(figsize=(4, 4))
+    axes = figure.subplots()
+    axes.imshow(np.eye(5), origin="lower")
+    mark_x(axes, (np.cos(np.radians(degrees)), np.sin(np.radians(degrees))))
+    figure.draw_without_rendering()
+    box = axes.get_window_extent()
+    for text in axes.texts:
+        own = text.get_window_extent()
+        assert own.x0 >= box.x0 and own.y0 >= box.y0 and own.x1 <= box.x1 and own.y1 <= box.y1, text
