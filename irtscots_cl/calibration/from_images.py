@@ -32,6 +32,7 @@ from irtscots_cl.scene.model import Scene
 
 MOST_PIXELS = 150_000  # whose light is estimated,
 FEW_PIXELS = 2_000  # and for a first guess of the geometry
+SAMPLES = 64  # along each axis, to count the pixels that see the mirror
 EDGE = 2  # pixels beside the mirror's edge that are left out
 LIT = 0.5  # of the median light
 WHOLE = 0.999  # of a pixel's footprint that must lie on the mirror
@@ -62,9 +63,13 @@ class ThinnedSetup(Setup):
 
 
 def step_of(scene: Scene, most: int = MOST_PIXELS) -> int:
-    """Every how many rows and columns a pixel of a scene's images is used, for at most so many."""
-    columns, rows = scene.camera.detector.pixels
-    return max(math.ceil(math.sqrt(rows * columns / most)), 1)
+    """Every how many rows and columns a pixel of a scene's images is used, for about so many on the mirror at most."""
+    chief = ChiefRays(scene)
+    row, column = np.meshgrid(*(np.linspace(0, n - 1, min(n, SAMPLES)) for n in chief.shape), indexing="ij")
+    points = chief.reverse(row, column)[0]
+    with np.errstate(invalid="ignore"):
+        share = float(np.mean(chief.surface.contains(points[..., 0], points[..., 1])))
+    return max(math.ceil(math.sqrt(chief.shape[0] * chief.shape[1] * share / most)), 1)
 
 
 def from_images(
