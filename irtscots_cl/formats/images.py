@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
+from threading import Lock
 from typing import Any, overload
 
 import numpy as np
@@ -56,6 +57,7 @@ class FrameSource:
     saturation: float
     notes: tuple[str, ...]
     _last: dict[int, Frame] = field(default_factory=dict, repr=False, compare=False)
+    _lock: Any = field(default_factory=Lock, repr=False, compare=False)  # several threads may ask for frames
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -85,16 +87,20 @@ class FrameSource:
         if isinstance(number, slice):
             return [self[k] for k in range(*number.indices(self.count))]
         number = range(self.count)[number]  # IndexError outside
-        if number not in self._last:
-            interruption.check()
-            file, page = self.place(number)
-            image = file.read(page)
-            if image.shape != file.shape or image.dtype != file.dtype:
-                raise ValueError(f"{self.name(number)}: {_form(image.shape, image.dtype)}; its header says otherwise")
-            image.flags.writeable = False
-            self._last.clear()
-            self._last[number] = image
-        return self._last[number]
+        with self._lock:
+            if number not in self._last:
+                self._last.clear()
+                self._last[number] = self._read(number)
+            return self._last[number]
+
+    def _read(self, number: int) -> Frame:
+        interruption.check()
+        file, page = self.place(number)
+        image = file.read(page)
+        if image.shape != file.shape or image.dtype != file.dtype:
+            raise ValueError(f"{self.name(number)}: {_form(image.shape, image.dtype)}; its header says otherwise")
+        image.flags.writeable = False
+        return image
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[k] for k in range(self.count))
