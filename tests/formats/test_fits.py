@@ -73,6 +73,20 @@ class TestWithAstropy:
         assert got.dtype == file.dtype == np.float32 and np.argwhere(np.isnan(got)).tolist() == [[2, 3]]
         assert np.nansum(got - image) == 0 and file.saturation == (2**16 - 1 if zero else 2**15 - 1)
 
+    @pytest.mark.parametrize("packed", [False, True])
+    @pytest.mark.parametrize("zero", [0, 2**15])
+    def test_blank_samples_of_later_units_are_missing(self, tmp_path, zero, packed):
+        from astropy.io import fits as library
+
+        image = ramp(dtype="u2" if zero else "i2")[0]
+        kind = library.CompImageHDU if packed else library.ImageHDU
+        unit = kind(image[::-1])
+        unit.header["BLANK"] = int(image[2, 3]) - zero
+        library.HDUList([library.PrimaryHDU(), unit]).writeto(tmp_path / "a.fits", output_verify="silentfix")
+        got = open_fits(tmp_path / "a.fits", ReadOptions()).read(0)
+        assert got.dtype == np.float32 and np.argwhere(np.isnan(got)).tolist() == [[2, 3]]
+        assert np.nanmax(np.abs(got - image)) == 0
+
     def test_other_scales_are_applied_and_their_saturation_is_not_known(self, tmp_path):
         stored = ramp(dtype=np.int64)[0]
         file = self.opened(tmp_path, fits(stored[::-1], 16, "BZERO   = 100.5", "BSCALE  = 0.25"))

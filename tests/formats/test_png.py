@@ -5,6 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from picture_files import COLUMNS, ROWS, chunk, letter_f, outcome, png, ramp, refusal
+from PIL import Image
 
 from irtscots_cl.formats.frames import ReadOptions
 from irtscots_cl.formats.png import open_png
@@ -81,6 +82,12 @@ def test_what_pillow_cuts_to_8_bits_is_refused(tmp_path, colour, channels):
 @pytest.mark.parametrize("bits", [1, 2, 4])
 def test_what_pillow_stretches_to_8_bits_is_refused(tmp_path, bits):
     assert f"grey of {bits} bits" in refused(tmp_path, png(letter_f(0, 1), bits, GREY))
+
+
+def test_an_animation_is_refused(tmp_path):
+    first, second = (Image.fromarray(letter_f(high=high)) for high in (200, 100))
+    first.save(tmp_path / "b.png", save_all=True, append_images=[second])
+    assert "an animation of 2 frames" in refused(tmp_path, (tmp_path / "b.png").read_bytes())
 
 
 @pytest.mark.parametrize("size", [(60_000, 60_000), (10_000, 10_000), (0, 5), (2**31 - 1, 2**31 - 1)])

@@ -67,6 +67,13 @@ def test_an_order_that_the_data_do_not_tell_must_be_stated(tmp_path, images, ord
     assert np.array_equal(frames(file), images) and "as told" in file.notes[0]
 
 
+@pytest.mark.parametrize("order", ["little", "big"])
+def test_the_bits_tell_the_order_of_dark_frames(tmp_path, order):
+    """Noise below 256 counts: only the 12 bits say that it is not 256 times as high."""
+    images = np.random.default_rng(2).integers(0, 2**8, (2, 9, 9))
+    assert np.array_equal(frames(opened(tmp_path, ser(images, 12, order=order))), images)
+
+
 def test_an_order_that_does_not_matter_is_not_asked_for(tmp_path):
     images = np.full((2, 4, 5), 0x4141)
     assert np.array_equal(frames(opened(tmp_path, ser(images, 16))), images)

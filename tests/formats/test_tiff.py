@@ -148,6 +148,29 @@ def test_a_lost_page_is_refused(tmp_path):
     assert "1 pages, though its description says 5 images" in said
 
 
+def second_page(data):
+    """Where the second page's directory is, in a little-endian file of `tiff`."""
+    link = 8 + 2 + 12 * int.from_bytes(data[8:10], "little")
+    return int.from_bytes(data[link : link + 4], "little")
+
+
+def test_pages_in_a_circle_are_refused(tmp_path):
+    data = bytearray(tiff([letter_f().tobytes()] * 2, 8))
+    second = second_page(data)
+    end = second + 2 + 12 * int.from_bytes(data[second : second + 2], "little")
+    data[end : end + 4] = (8).to_bytes(4, "little")
+    assert "page 3 is at byte 8 of" in refused(tmp_path, data)
+
+
+def test_a_page_that_tifffile_leaves_out_is_missed(tmp_path):
+    """It takes no page of more than 4096 tags, and says so only by logging."""
+    data = bytearray(tiff([letter_f().tobytes()] * 2, 8))
+    second = second_page(data)
+    data[second : second + 2] = (4500).to_bytes(2, "little")
+    data += bytes(12 * 4500 + 100)
+    assert "1 of its 2 pages can be read" in refused(tmp_path, data)
+
+
 @pytest.mark.parametrize("tag, value", [(256, 100_000), (257, 1_000_000), (256, 2**32 - 1), (279, 2**31)])
 def test_a_header_that_claims_too_much_is_refused_before_memory_is_taken(tmp_path, tag, value):
     said = refused(tmp_path, tiff([letter_f().tobytes()], 8, tags=[(tag, 4, value)]))
