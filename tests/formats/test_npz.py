@@ -122,6 +122,15 @@ def test_a_file_that_is_cut_off_is_refused(tmp_path, packed):
             assert refused(tmp_path, data[:length])
 
 
+def test_a_file_that_is_cut_off_after_it_was_opened_is_refused(tmp_path):
+    data = npy(ramp(2))
+    file = opened(tmp_path, data)
+    (tmp_path / "a.npz").write_bytes(data[:-1])
+    assert np.array_equal(file.read(0), ramp(2)[0])
+    with pytest.raises(ValueError, match="a.npz: cut off$"):
+        file.read(1)
+
+
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     packed=st.booleans(),

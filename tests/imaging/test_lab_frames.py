@@ -136,6 +136,15 @@ def test_merging_is_unbiased_where_the_long_exposure_saturates(share):
     assert abs(values.mean() - light) < 0.1 * math.sqrt(light / 16) + 4.5 * chance  # 4.5 sigma: once in 150,000
 
 
+def test_a_long_exposure_saturated_in_one_repeat_is_left_out():
+    images = np.stack([np.full(SHAPE, value) for value in (100.0, 300.0, 300.0)])
+    images[2, 1, 1] = 1000.0
+    lab = LabFrames(images, saturation=1000.0, exposures_s=(1.0, 4.0, 4.0))
+    expected = np.full(SHAPE, 700 / 9)
+    expected[1, 1] = 100.0
+    assert np.allclose(lab[0], expected, rtol=1e-6) and not lab.frame(0).saturated.any()
+
+
 def test_where_the_shortest_exposure_is_saturated_nothing_is_known():
     assert np.isnan(merged_light(5000.0, (1.0, 4.0), 1)).all()
 
