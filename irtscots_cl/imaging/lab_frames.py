@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol, overload
 
 import numpy as np
@@ -57,8 +58,15 @@ def mean_frame(frames: Frames, saturation: float = math.inf) -> MeanFrame:
         if np.shape(image) != total.shape:
             raise ValueError(f"frame {k} has shape {np.shape(image)}, the first one {total.shape}")
         total += image
-        saturated |= image >= saturation
+        saturated |= is_saturated(image, saturation)
     return MeanFrame(total / len(frames), saturated, len(frames))
+
+
+def is_saturated(image: NDArray[Any], saturation: float) -> BoolArray:
+    """The samples at or above a count. Whole numbers are compared as such, not first turned into 64-bit ones."""
+    if math.isfinite(saturation) and image.dtype.kind in "ui":
+        return np.asarray(image >= math.ceil(saturation))
+    return np.asarray(image >= saturation)
 
 
 @dataclass(frozen=True)
@@ -201,7 +209,7 @@ class LabFrames(Sequence[NDArray[Any]]):
         for time in self.exposures_s:
             self.calibration.offset(time, "exposures_s")
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, int]:
         """(rows, columns) of the frames."""
         rows, columns = np.shape(self.frames[0])
@@ -240,40 +248,60 @@ class LabFrames(Sequence[NDArray[Any]]):
 
     def _made(self, number: int) -> LabFrame:
         values, saturated = self._merged(self.recorded(number))
-        if self.calibration.response is not None:
-            values = values / self.calibration.response
-        bad = self.calibration.bad
-        marked = np.where(saturated if bad is None else saturated | bad, np.nan, values).astype(np.float32)
-        marked.flags.writeable = False
-        return LabFrame(marked, saturated if bad is None else saturated & ~bad)
+        if self._gain is not None:
+            values *= self._gain
+        if self.calibration.bad is not None:
+            saturated = saturated & ~self.calibration.bad
+        values[saturated] = np.nan
+        values.flags.writeable = False
+        return LabFrame(values, saturated)
 
-    def _merged(self, numbers: list[int]) -> tuple[FloatArray, BoolArray]:
+    def _merged(self, numbers: list[int]) -> tuple[NDArray[np.float32], BoolArray]:
         """Counts above the offset at the first exposure, and where the shortest exposures are saturated."""
         times = [1.0 if time is None else time for time in self.exposures_s]
-        rate, exposure = np.zeros(self.shape), np.zeros(self.shape)  # counts per second, and seconds that it is from
-        clipped = np.zeros(self.shape, bool)
-        for time in sorted(set(times)):
-            chosen = [k for k, own in zip(numbers, times, strict=True) if own == time]
-            one = mean_frame(_Chosen(self.frames, chosen), self.saturation)
-            light = one.mean - self.calibration.offset(self.exposures_s[times.index(time)], "exposures_s")
-            if time == min(times):
-                share, clipped = np.ones(self.shape), one.saturated
-            else:
-                share = np.clip((1 - one.mean / self.saturation) / (1 - FADES_FROM), 0.0, 1.0)
-                share[one.saturated] = 0.0
-            seconds = time * len(chosen)
-            rate += share * seconds / (exposure + seconds) * (light / time - rate)
-            exposure += share * seconds
-        return rate * times[0], clipped
+        shortest = min(times)
+        rate, clipped = self._light(numbers, times, shortest)[::2]  # counts in the shortest exposure
+        exposure = np.full(self.shape, times.count(shortest), np.float32) if len(set(times)) > 1 else None
+        for time in sorted(set(times) - {shortest}):
+            assert exposure is not None
+            light, mean, saturated = self._light(numbers, times, time)
+            share = np.clip((1 - mean / self.saturation) / (1 - FADES_FROM), 0, 1)
+            share[saturated] = 0
+            longer = time / shortest * times.count(time)
+            rate += share * (longer / (exposure + longer)) * (light * (shortest / time) - rate)
+            exposure += share * longer
+        if times[0] != shortest:
+            rate *= times[0] / shortest
+        return rate, clipped
 
+    def _light(
+        self, numbers: list[int], times: list[float], time: float
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], BoolArray]:
+        """Of the repeats of one exposure: mean counts above the offset, mean counts, and any saturated. In 32 bits: an
+        error of 0.004 counts in 65535."""
+        chosen = [k for k, own in zip(numbers, times, strict=True) if own == time]
+        mean, saturated = np.zeros(self.shape, np.float32), np.zeros(self.shape, bool)
+        for k in chosen:
+            image = self.frames[k]
+            if np.shape(image) != self.shape:
+                raise ValueError(f"frame {k} has shape {np.shape(image)}, the first one {self.shape}: must be equal")
+            np.add(mean, image, out=mean, casting="same_kind")
+            saturated |= is_saturated(image, self.saturation)
+        if len(chosen) > 1:
+            mean /= len(chosen)
+        return mean - self._offsets[time], mean, saturated
 
-@dataclass(frozen=True)
-class _Chosen:
-    frames: Frames
-    numbers: list[int]
+    @cached_property
+    def _offsets(self) -> dict[float, Any]:
+        """Counts without light, by the exposure; 1 stands for one that is not known."""
+        of = self.calibration.offset
+        return {time or 1.0: np.float32(of(time, "exposures_s")) for time in self.exposures_s}
 
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    def __getitem__(self, number: int, /) -> NDArray[Any]:
-        return self.frames[self.numbers[number]]
+    @cached_property
+    def _gain(self) -> NDArray[np.float32] | None:
+        """1 over the response; NaN for bad pixels."""
+        known = self.calibration
+        if known.response is None and known.bad is None:
+            return None
+        gain = np.ones(self.shape) if known.response is None else 1 / known.response
+        return np.asarray(gain if known.bad is None else np.where(known.bad, np.nan, gain), np.float32)
