@@ -145,6 +145,18 @@ def test_a_long_exposure_saturated_in_one_repeat_is_left_out():
     assert np.allclose(lab[0], expected, rtol=1e-6) and not lab.frame(0).saturated.any()
 
 
+def test_whole_counts_a_bad_pixel_and_the_first_exposure():
+    images = np.stack([np.full(SHAPE, value, np.uint16) for value in (400, 100)])
+    images[1, 1, 1] = 1000
+    bad = np.zeros(SHAPE, bool)
+    bad[2, 2] = True
+    lab = LabFrames(images, camera_calibration(bad=bad), saturation=1000, exposures_s=(4.0, 1.0))
+    expected = np.full(SHAPE, 400.0)
+    expected[[1, 2], [1, 2]] = np.nan
+    assert np.allclose(lab[0], expected, rtol=1e-6, equal_nan=True)
+    assert np.argwhere(lab.frame(0).saturated).tolist() == [[1, 1]]
+
+
 def test_where_the_shortest_exposure_is_saturated_nothing_is_known():
     assert np.isnan(merged_light(5000.0, (1.0, 4.0), 1)).all()
 
