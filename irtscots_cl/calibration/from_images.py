@@ -17,6 +17,7 @@ from scipy.ndimage import binary_erosion
 
 from irtscots_cl.calibration.measured import Measurement, from_maps
 from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.light_curves import Flag
 from irtscots_cl.measurement.methods import BEST
@@ -161,9 +162,9 @@ def from_file(
     from irtscots_cl.imaging.image_files import read_images
 
     try:
-        places = _places_of(path)
+        places = _places_of(path, scene.camera.detector.orientation)
         if places is None:
-            return from_images(read_images(path), scene, seen_as, most, **kind)
+            return from_images(read_images(path, scene), scene, seen_as, most, **kind)
         found = from_maps(scene, *places, **kind)
     except ValueError as error:
         said = str(error)
@@ -180,12 +181,12 @@ def is_of_images(path: Path) -> bool:
         return True
 
 
-def _places_of(path: Path) -> list[FloatArray] | None:
-    """Maps u, v and their errors [rows, columns] of a file without images; None for any other."""
+def _places_of(path: Path, orientation: str) -> list[FloatArray] | None:
+    """Upright maps u, v and their errors [rows, columns] of a file without images; None for any other."""
     if is_of_images(path):
         return None  # read_images says what is wrong with the file
     with h5py.File(path, "r") as file:
         missing = [name for name in PLACES if not isinstance(file.get(name), h5py.Dataset)]
         if missing:
             raise ValueError(f"{path}: /{missing[0]}: missing; a calibration needs places with standard errors")
-        return [np.asarray(file[name][()], float) for name in PLACES]
+        return [upright(np.asarray(file[name][()], float), orientation) for name in PLACES]

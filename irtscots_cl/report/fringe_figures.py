@@ -1,4 +1,4 @@
-"""Figures of a mirror measured by fringes. Maps show the mirror from the front, places on the screen as stored."""
+"""Figures of a mirror measured by fringes. All maps are upright: seen from the camera."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates
+from irtscots_cl.report.fiducial import mark_x, x_direction
 from irtscots_cl.report.figures import height_figure, slope_figure
 from irtscots_cl.report.fringe_file import weakest_modulation
 from irtscots_cl.system.atomic_files import replacing
@@ -17,7 +19,7 @@ from irtscots_cl.system.atomic_files import replacing
 def write_fringe_figures(folder: Path, result: Reconstruction, coordinates: ScreenCoordinates) -> list[str]:
     """Write the figures as PNG files into the folder; return their names."""
     figures = {
-        "screen.png": screen_figure(coordinates),
+        "screen.png": screen_figure(coordinates, result),
         "slopes.png": slope_figure(result),
         "height.png": height_figure(result, None),
     }
@@ -27,16 +29,22 @@ def write_fringe_figures(folder: Path, result: Reconstruction, coordinates: Scre
     return list(figures)
 
 
-def screen_figure(coordinates: ScreenCoordinates) -> Figure:
-    """The places on the screen, and the weakest modulation, with the rows and columns of the images."""
+def screen_figure(coordinates: ScreenCoordinates, result: Reconstruction) -> Figure:
+    """The places on the screen, and the weakest modulation, of the pixels of the upright grid.
+
+    coordinates: with the rows and columns of the images in their files.
+    """
     figure = Figure(figsize=(13, 4.2), layout="tight")
     maps = {f"screen {axis}, fraction": one.fraction for axis, one in coordinates.axes.items()}
     maps["weakest modulation"] = weakest_modulation(coordinates)
-    rows, columns = np.nonzero(coordinates.mask)
+    orientation = result.nominal.camera.detector.orientation
+    rows, columns = np.nonzero(upright(coordinates.mask, orientation))
     cut = slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)
-    edges = (columns.min() - 0.5, columns.max() + 0.5, rows.max() + 0.5, rows.min() - 0.5)
+    edges = (columns.min() - 0.5, columns.max() + 0.5, rows.min() - 0.5, rows.max() + 0.5)
+    towards = x_direction(result.x_mm, result.y_mm)
     for axes, (title, values) in zip(figure.subplots(1, len(maps)), maps.items(), strict=True):
-        picture = axes.imshow(values[cut], extent=edges)
-        axes.set(title=title, xlabel="column", ylabel="row")
+        picture = axes.imshow(upright(values, orientation)[cut], origin="lower", extent=edges)
+        axes.set(title=title, xlabel="detector column", ylabel="detector row")
+        mark_x(axes, towards)
         figure.colorbar(picture, ax=axes)
     return figure
