@@ -9,6 +9,7 @@ The folders, in order: each imports only from folders above it.
 
     system       What the host offers: memory, whole files, versions.
     maths        Frames, quadrics, Zernike polynomials, slopes to heights, error bars.
+    formats      Files of others: bytes to arrays with units, and back. Knows no scene.
     opencl       OpenCL devices, programs, buffers, structures. Alone imports pyopencl.
     scene        What is tested and with what: frozen, checked, as TOML. No NumPy at import.
     execution    Where launches run: one device, many, a Dask cluster; checkpoints. Knows no scene.
@@ -36,6 +37,9 @@ from typing import TYPE_CHECKING, Any
 _PUBLIC = {
     "DeviceError": "opencl.device",
     "Checkpoints": "execution.checkpoint",
+    "FringeScan": "imaging.fringes",
+    "FringeSet": "imaging.fringes",
+    "FringeStack": "imaging.fringes",
     "Interrupted": "execution.checkpoint",
     "LineLight": "tracing.results.transport",
     "LineScan": "imaging.patterns",
@@ -55,6 +59,7 @@ _PUBLIC = {
     "record": "imaging.recording",
     "reconstruct": "measurement.reconstruction",
     "refine": "measurement.refinement",
+    "screen_coordinates": "measurement.screen_coordinates",
     "select_device": "opencl.device",
     "select_devices": "opencl.device",
     "stray_light": "analysis.stray_light",
@@ -73,6 +78,9 @@ if TYPE_CHECKING:
     from irtscots_cl.analysis.stray_light import stray_light as stray_light
     from irtscots_cl.execution.checkpoint import Checkpoints as Checkpoints
     from irtscots_cl.execution.checkpoint import Interrupted as Interrupted
+    from irtscots_cl.imaging.fringes import FringeScan as FringeScan
+    from irtscots_cl.imaging.fringes import FringeSet as FringeSet
+    from irtscots_cl.imaging.fringes import FringeStack as FringeStack
     from irtscots_cl.imaging.patterns import LineScan as LineScan
     from irtscots_cl.imaging.recording import record as record
     from irtscots_cl.maths.integration import integrate_slopes as integrate_slopes
@@ -84,6 +92,7 @@ if TYPE_CHECKING:
     from irtscots_cl.measurement.reconstruction import reconstruct as reconstruct
     from irtscots_cl.measurement.refinement import refine as refine
     from irtscots_cl.measurement.scan_estimates import estimate_centroids as estimate_centroids
+    from irtscots_cl.measurement.screen_coordinates import screen_coordinates as screen_coordinates
     from irtscots_cl.opencl.device import DeviceError as DeviceError
     from irtscots_cl.opencl.device import all_devices as all_devices
     from irtscots_cl.opencl.device import select_device as select_device

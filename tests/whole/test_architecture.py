@@ -18,6 +18,7 @@ ORDER = tuple(FOLDERS)
 ONLY_FROM = {
     "system": set(),
     "maths": {"system"},
+    "formats": {"system", "maths"},
     "opencl": set(),
     "scene": {"maths", "formats"},
     "execution": {"system", "opencl"},

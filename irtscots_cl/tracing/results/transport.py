@@ -7,9 +7,11 @@ every pattern. Estimators that integrate light along lines give light curves onl
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import overload
 
 import numpy as np
 
+from irtscots_cl.imaging.fringes import FringeScan, FringeStack
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.opencl.structs import WEIGHT_ONE, Fate
@@ -30,14 +32,45 @@ class TraceResult:
     def replicates(self) -> int:
         return len(self.rays)
 
-    def images(self, pattern: LineScan) -> ImageStack:
-        """The image stack of both scans of a pattern, without new rays. ValueError for a pattern of another screen."""
+    @overload
+    def images(self, pattern: LineScan) -> ImageStack: ...
+    @overload
+    def images(self, pattern: FringeScan) -> FringeStack: ...
+
+    def images(self, pattern: LineScan | FringeScan) -> ImageStack | FringeStack:
+        """The images of a pattern, without new rays: of both scans, or of fringes the mean over all rays.
+
+        ValueError for a pattern of another screen.
+        """
         if pattern.scene.screen.pixels != self.scene.screen.pixels:
             raise ValueError(
                 f"the pattern's screen has {pattern.scene.screen.pixels} pixels, "
                 f"the transport's {self.scene.screen.pixels}"
             )
+        if isinstance(pattern, FringeScan):
+            return self.fringe_images(pattern)
         return ImageStack(*(self._scan(pattern, axis) for axis in ("x", "y")))
+
+    def fringe_images(self, pattern: FringeScan, replicate: int | None = None) -> FringeStack:
+        """Flux [W] of every frame of the fringes, of one replicate or the mean over all rays; dark where no light is.
+
+        A frame is the sum of the light curves under single lines, each times what the pattern shows there.
+        """
+        columns, rows = self.scene.camera.detector.pixels
+        frames = np.zeros((sum(one.count for one in pattern.sets), rows * columns))
+        white = np.zeros(rows * columns)
+        first = 0
+        for fringes in pattern.sets:
+            flux = self.line_flux_w(fringes.axis)
+            curves = flux[replicate] if replicate is not None else np.tensordot(self.rays / self.rays.sum(), flux, 1)
+            origins = self.windows.origins[:, "xy".index(fringes.axis)].astype(np.int64)
+            lines = origins[:, None] + np.arange(curves.shape[1])
+            for frame in pattern.radiance(fringes):
+                frames[first, self.windows.pixels] = (curves * frame[lines]).sum(1)
+                first += 1
+            white[self.windows.pixels] = curves.sum(1)
+        shape = (rows, columns)
+        return FringeStack(pattern.sets, frames.reshape(-1, *shape), np.zeros(shape), white.reshape(shape), unit="W")
 
     def _scan(self, pattern: LineScan, axis: str) -> Scan:
         columns, rows = self.scene.camera.detector.pixels

@@ -1,0 +1,1 @@
+"""Files of others: bytes to arrays with units, and back. Knows no scene."""

@@ -1,0 +1,242 @@
+"""What a sample of the pixels says of a set of fringe images, before all pixels are evaluated: the steps that were
+taken, their direction, harmonics, noise, blur, and how well the series agree."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from irtscots_cl.imaging.fringes import FringeSet, FringeStack
+from irtscots_cl.maths.arrays import FloatArray, IntArray
+from irtscots_cl.measurement.fringe_noise import estimate_noise
+from irtscots_cl.measurement.harmonics import (
+    ResponseTable,
+    SecondHarmonic,
+    blurred,
+    correct_phase,
+    error_gain,
+    gamma_harmonics,
+    gamma_of,
+    residual_square,
+    second_harmonic,
+)
+from irtscots_cl.measurement.phase import FrameNoise, SinusoidFit, fit_sinusoid
+from irtscots_cl.measurement.phase_steps import find_steps
+from irtscots_cl.measurement.unwrapping import Prior, phase_floor, unwrap
+
+SAMPLE = 8000  # pixels
+STEP_SAMPLE = 4000  # of them, for the search of steps
+MIN_RATIO = 0.002  # second harmonic over the first: below, what the others do to a phase is under 1 mrad
+BETTER = 0.5  # residual of other steps over that of the nominal ones: the steps are wrong
+AGREE = 0.1  # relative: second harmonics of a table and of the images that are called the same
+CLEARLY = 0.1  # misfit over that of the other direction: the direction is found
+MAX_FLOOR_RAD = 0.2  # beyond, the orders of the fringes are in doubt
+ROUNDING = 1 / 12  # variance of whole numbers
+
+NO_NOISE = (
+    "three steps leave nothing to tell the noise from: the error bars come from the agreement of the series alone"
+)
+DISAGREE = (
+    "the phases of the series differ by {:.2f} rad beyond their noise; a number of periods may be wrong, or beyond "
+    "what the blur lets through"
+)
+BACKWARDS = "the steps ran backwards: the phases of the series agree {:.0f} times better that way, which is used"
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What holds for all pixels of a set. steps_rad: [series] of the steps to evaluate with. sign: -1 where the steps
+    ran backwards. noise: None where it cannot be told. harmonics: [series] over the first, None where they are left
+    alone. second: what the images say of the second one, [series]. floor_rad: error of all phases that noise does not
+    explain. amplitude, offset: [series] medians. notes: what was found that is not as it was said."""
+
+    steps_rad: tuple[FloatArray, ...]
+    sign: int
+    noise: FrameNoise | None
+    harmonics: tuple[FloatArray | None, ...]
+    second: tuple[SecondHarmonic, ...]
+    floor_rad: float
+    amplitude: FloatArray
+    offset: FloatArray
+    notes: tuple[str, ...]
+
+
+def survey(
+    stack: FringeStack,
+    number: int,
+    pixels: IntArray,
+    noise: FrameNoise | None = None,
+    response: ResponseTable | None = None,
+    prior: Prior | None = None,
+) -> Survey:
+    """Survey of a stack's set, from the flat pixel numbers [n]. prior: of these pixels.
+
+    noise: of the images where it is known. response: a table of the screen's and camera's response, believed if the
+    images agree with it.
+    """
+    fringes = stack.sets[number]
+    notes: list[str] = []
+    samples, steps, fits = [], [], []
+    for periods, said, images in stack.series(number):
+        values = images.reshape(len(said), -1)[:, pixels]
+        taken, found = _steps_of(values, np.asarray(said), fringes.axis, periods, stack.saturation)
+        notes += found
+        samples.append(values)
+        steps.append(taken)
+        fits.append(fit_sinusoid(values, taken, stack.saturation))
+    second = tuple(second_harmonic(v, f) for v, f in zip(samples, fits, strict=True))
+    harmonics, found = _harmonics_of(fringes, fits, second, response)
+    notes += found
+    if noise is None:
+        noise = _noise_of(samples, fits, harmonics, second)
+        if noise is None:
+            notes.append(f"{fringes.axis} fringes: {NO_NOISE}")
+    phases, errors = phases_of(fits, steps, harmonics, noise, 1)
+    sign, found = _direction(fringes, phases, errors, prior)
+    notes += found
+    # not noise: what may be one and the same in all frames
+    floor = phase_floor(sign * phases, errors, fringes.periods, prior)
+    if floor > MAX_FLOOR_RAD:
+        notes.append(f"{fringes.axis} fringes: {DISAGREE.format(floor)}")
+    return Survey(
+        tuple(steps),
+        sign,
+        noise,
+        harmonics,
+        second,
+        floor,
+        np.array([np.nanmedian(fit.amplitude) for fit in fits]),
+        np.array([np.nanmedian(fit.offset) for fit in fits]),
+        tuple(notes),
+    )
+
+
+def phases_of(
+    fits: list[SinusoidFit],
+    steps: list[FloatArray] | tuple[FloatArray, ...],
+    harmonics: tuple[FloatArray | None, ...],
+    noise: FrameNoise | None,
+    sign: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Phases and their standard errors [series, n], harmonics taken out."""
+    phases, errors = [], []
+    for fit, of_steps, ratios in zip(fits, steps, harmonics, strict=True):
+        found, error = fit.phase_rad, fit.phase_error_rad(noise or FrameNoise(0.0))
+        if ratios is not None:
+            error = error * error_gain(found, of_steps, ratios)
+            found = correct_phase(found, of_steps, ratios)
+        phases.append(sign * found)
+        errors.append(error)
+    return np.stack(phases), np.stack(errors)
+
+
+def _steps_of(
+    values: NDArray[Any], said: FloatArray, axis: str, periods: float, saturation: float
+) -> tuple[FloatArray, list[str]]:
+    """The steps to evaluate with, and a note where they are not those said.
+
+    Other steps count only where they explain the samples much better than a second harmonic does.
+    """
+    whole = np.flatnonzero((values < saturation).all(0))
+    some = values[:, whole[:: max(1, len(whole) // STEP_SAMPLE)]]
+    found = find_steps(some, said)
+    if found is None or not found.wrong.size:
+        return said, []
+    if not _left(some, found.found_rad) < BETTER * _left(some, said):
+        return said, []
+    worst = int(np.argmax(np.abs(found.difference_rad)))
+    mean = np.diff(found.found_rad).mean()
+    return found.found_rad, [
+        f"{axis} fringes of {periods:g} periods: {found.wrong.size} of {len(said)} frames were not taken at the steps "
+        f"said: frame {worst} at {found.found_rad[worst]:.3f} rad, said {said[worst]:.3f} rad; "
+        f"mean step {mean:.4f} rad = 2 pi / {2 * math.pi / mean:.2f}; the steps found are used"
+    ]
+
+
+def _left(values: NDArray[Any], steps: FloatArray) -> float:
+    """Median squared residual of fits with these steps and a screen's gamma."""
+    fit = fit_sinusoid(values, steps)
+    seen = second_harmonic(values, fit)
+    square = fit.square if np.isnan(seen.ratio) else residual_square(values, fit, gamma_harmonics(gamma_of(seen.ratio)))
+    return float(np.median(square))
+
+
+def _harmonics_of(
+    fringes: FringeSet,
+    fits: list[SinusoidFit],
+    second: tuple[SecondHarmonic, ...],
+    response: ResponseTable | None,
+) -> tuple[tuple[FloatArray | None, ...], list[str]]:
+    """Harmonics over the first to take out of the phases of each series, and notes."""
+    nothing: tuple[FloatArray | None, ...] = (None,) * len(fits)
+    lowest = int(np.argmin(fringes.periods))
+    seen = second[lowest]
+    notes: list[str] = []
+    whole: FloatArray | None = None
+    if response is not None:
+        whole = response.harmonics
+        if np.isfinite(seen.ratio) and abs(seen.ratio - whole[2]) > max(AGREE * abs(whole[2]), 5 * seen.standard_error):
+            notes.append(
+                f"{fringes.axis} fringes: the response table makes a second harmonic of {whole[2]:.4f} of the first, "
+                f"the images have {seen.ratio:.4f} +- {seen.standard_error:.1g}: the fringes were not shown through "
+                "this response; it is not applied"
+            )
+            whole = None
+    if whole is None and seen.is_seen and abs(seen.ratio) > MIN_RATIO:
+        whole = gamma_harmonics(seen.gamma)
+    if whole is None:
+        return nothing, notes
+    fall = blur_fall(np.array(fringes.periods), np.array([np.nanmedian(fit.amplitude) for fit in fits]))
+    least = min(fringes.periods)
+    return tuple(blurred(whole, fall, math.sqrt(p**2 - least**2)) for p in fringes.periods), notes
+
+
+def blur_fall(periods: FloatArray, amplitude: FloatArray) -> float:
+    """The constant k of a blur exp(-k p^2), from the amplitudes of the lowest and the highest number of periods."""
+    low, high = int(np.argmin(periods)), int(np.argmax(periods))
+    span = periods[high] ** 2 - periods[low] ** 2
+    if span <= 0 or not (amplitude[low] > 0 and amplitude[high] > 0):
+        return 0.0
+    return max(0.0, math.log(amplitude[low] / amplitude[high]) / float(span))
+
+
+def _noise_of(
+    samples: list[NDArray[Any]],
+    fits: list[SinusoidFit],
+    harmonics: tuple[FloatArray | None, ...],
+    second: tuple[SecondHarmonic, ...],
+) -> FrameNoise | None:
+    """Noise from the residuals of all series, without the harmonics in them."""
+    square, freedom, signal = [], [], []
+    for values, fit, ratios, own in zip(samples, fits, harmonics, second, strict=True):
+        left = fit.square
+        if np.isfinite(own.ratio):
+            there = np.zeros(4) if ratios is None else ratios.copy()
+            there[2] = own.ratio
+            left = residual_square(values, fit, there)
+        square.append(left)
+        freedom.append(fit.freedom.astype(float))
+        signal.append(fit.offset)
+    noise = estimate_noise(np.concatenate(square), np.concatenate(freedom), np.concatenate(signal))
+    if noise is not None and all(values.dtype.kind in "iu" for values in samples):
+        noise = FrameNoise(max(noise.read, ROUNDING), noise.gain)
+    return noise
+
+
+def _direction(
+    fringes: FringeSet, phases: FloatArray, errors: FloatArray, prior: Prior | None
+) -> tuple[int, list[str]]:
+    """1 where the steps ran as said, -1 where they ran backwards: then no place fits the phases of several series."""
+    misfit = []
+    for sign in (1, -1):
+        found = unwrap(sign * phases, np.hypot(errors, 0.05), fringes.periods, prior)
+        inside = np.isfinite(found.fraction) & (found.freedom > 0)
+        misfit.append(float(np.median(found.misfit[inside])) if inside.any() else math.nan)
+    if misfit[1] < CLEARLY * misfit[0]:
+        times = misfit[0] / misfit[1]
+        return -1, [f"{fringes.axis} fringes: {BACKWARDS.format(times)}"]
+    return 1, []

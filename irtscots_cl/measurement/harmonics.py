@@ -1,0 +1,247 @@
+"""Harmonics of fringes: what a screen's gamma makes of a sinusoid, how images show it, and what it does to phases.
+
+A screen that emits value^gamma turns 1/2 + 1/2 cos t into a series of cosines. With N equal steps the harmonics kN + 1
+and kN - 1 cannot be told from the first and move the phase, by sin(N phase) to first order; the harmonics kN are taken
+for the offset. All others stay in the residual, where they can be seen: with four steps the second alone, which tells
+gamma; the third and fifth, which move the phase, follow from gamma and not from the samples. With three steps nothing
+can be seen, and the second harmonic moves the phase.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.measurement.phase import SinusoidFit
+
+HIGHEST = 9  # harmonic that is counted: the next is below 1e-4 of the first for any screen's gamma
+ROUNDS = 10  # of finding gamma at most
+TABLE = 8192  # phases that the correction is tabulated at
+GAMMAS = (0.05, 20.0)
+
+
+@dataclass(frozen=True)
+class SecondHarmonic:
+    """Amplitude of the second harmonic over the first, with its standard error; NaN where the steps cannot show it.
+    gamma: of the screen that makes this ratio, with its standard error."""
+
+    ratio: float
+    standard_error: float
+
+    @property
+    def gamma(self) -> float:
+        return (1 + 2 * self.ratio) / (1 - self.ratio) if self.ratio < 1 else np.inf
+
+    @property
+    def gamma_error(self) -> float:
+        return 3 * self.standard_error / (1 - self.ratio) ** 2
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether it differs from zero by more than chance: five standard errors."""
+        return abs(self.ratio) > 5 * self.standard_error
+
+
+def gamma_harmonics(gamma: float) -> FloatArray:
+    """Amplitudes [HIGHEST + 1] of the harmonics over the first, of (1/2 + 1/2 cos t)^gamma: entry k of harmonic k.
+
+    ((1 + cos t) / 2)^g = cos(t / 2)^(2 g) has the harmonics k in the ratios of 1 / (G(g + 1 + k) G(g + 1 - k)), G the
+    gamma function, so that each follows from the one before it by the factor (g - k + 1) / (g + k).
+    """
+    ratio = np.zeros(HIGHEST + 1)
+    ratio[1] = 1.0
+    for k in range(2, HIGHEST + 1):
+        ratio[k] = ratio[k - 1] * (gamma - k + 1) / (gamma + k)
+    ratio[0] = (gamma + 1) / (2 * gamma)  # the mean: the cosine's coefficient halved
+    return ratio
+
+
+def response_harmonics(shown: FloatArray, light: FloatArray) -> FloatArray:
+    """As gamma_harmonics, for a screen that emits light [n] at the shown values [n], growing, over their full range."""
+    t = (np.arange(4096) + 0.5) * np.pi / 4096
+    values = np.interp((1 + np.cos(t)) / 2, (shown - shown[0]) / (shown[-1] - shown[0]), light)
+    terms = np.array([2 * np.mean(values * np.cos(k * t)) for k in range(HIGHEST + 1)])
+    terms[0] /= 2
+    ratios: FloatArray = terms / terms[1]
+    return ratios
+
+
+def second_harmonic(samples: NDArray[Any], fit: SinusoidFit) -> SecondHarmonic:
+    """The second harmonic in the residuals of complete fits, from samples [N, n], n of many different phases.
+
+    The higher harmonics are taken from the same gamma: with four steps they move the phases and amplitudes that the
+    second is compared with.
+    """
+    steps = fit.steps_rad
+    whole = np.isfinite(fit.square) & (fit.samples == len(steps))
+    basis = np.stack([np.ones_like(steps), np.cos(steps), np.sin(steps)], -1)
+    rest = np.eye(len(steps)) - basis @ np.linalg.pinv(basis)  # what a fit leaves of samples
+    left = rest @ np.asarray(samples[:, whole], float)
+    found = SecondHarmonic(0.0, np.nan)
+    for _ in range(ROUNDS):
+        ratios = gamma_harmonics(gamma_of(found.ratio))
+        phase = correct_phase(fit.phase_rad[whole], steps, ratios)
+        amplitude = fit.amplitude[whole] / first_harmonic_gain(phase, steps, ratios)
+        seen = rest @ np.cos(2 * (phase - steps[:, None])) * amplitude
+        total = float(np.square(seen).sum())
+        if not total > 1e-6 * float(np.square(amplitude).sum()) * len(steps):
+            return SecondHarmonic(np.nan, np.nan)
+        others = left - rest @ (amplitude * _higher(phase, steps, ratios))
+        ratio = float((seen * others).sum() / total)
+        # scatter of the pixels' own contributions
+        error = float(np.sqrt(np.square((seen * (others - ratio * seen)).sum(0)).sum()) / total)
+        moved, found = abs(ratio - found.ratio), SecondHarmonic(ratio, error)
+        if moved < 0.01 * error:
+            break
+    return found
+
+
+def residual_square(samples: NDArray[Any], fit: SinusoidFit, ratios: FloatArray) -> FloatArray:
+    """Sums [n] of squared residuals without what these harmonics put there; of complete fits, NaN of the others.
+
+    The harmonics stand where the noisy phase and amplitude say: what that adds is divided out, so that the mean over
+    fit.freedom is the samples' variance.
+    """
+    steps = fit.steps_rad
+    basis = np.stack([np.ones_like(steps), np.cos(steps), np.sin(steps)], -1)
+    rest = np.eye(len(steps)) - basis @ np.linalg.pinv(basis)
+    phase = correct_phase(fit.phase_rad, steps, ratios)
+    amplitude = fit.amplitude / first_harmonic_gain(phase, steps, ratios)
+    angle = phase - steps[:, None]
+    model = rest @ (ratios[2] * np.cos(2 * angle) + _higher(phase, steps, ratios))
+    turned = rest @ (2 * ratios[2] * np.sin(2 * angle))  # its change with the phase; that of the others is small
+    square = np.square(rest @ np.asarray(samples, float) - amplitude * model).sum(0)
+    added = 2 / len(steps) * (np.square(model) + np.square(turned)).sum(0)
+    return np.where(fit.samples == len(steps), square * fit.freedom / (fit.freedom + added), np.nan)
+
+
+def _higher(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
+    """The harmonics from the third on, over the first: samples [N, n]."""
+    angle = phase_rad - steps_rad[:, None]
+    total = np.zeros_like(angle)
+    for k in range(3, len(ratios)):
+        if abs(ratios[k]) > 1e-5:
+            total += ratios[k] * np.cos(k * angle)
+    return total
+
+
+def gamma_of(ratio: float) -> float:
+    """Gamma of a screen whose second harmonic over the first has this ratio."""
+    low, high = ((g - 1) / (g + 2) for g in GAMMAS)
+    target = float(np.clip(ratio, low, high))
+    return float(brentq(lambda g: (g - 1) / (g + 2) - target, *GAMMAS))
+
+
+def blurred(ratios: FloatArray, fall: float, periods: float) -> FloatArray:
+    """Harmonics [k] after a blur that leaves exp(-fall p^2) of a sinusoid of p periods."""
+    k = np.arange(len(ratios))
+    left: FloatArray = ratios * np.exp(-fall * periods**2 * np.maximum(k**2 - 1.0, 0.0))
+    return left
+
+
+def phase_bias(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
+    """What harmonics add to the phase [n] that a fit of one sinusoid finds, for the true phase [n]; exact."""
+    turned: FloatArray = np.angle(_found(phase_rad, steps_rad, ratios) * np.exp(-1j * np.asarray(phase_rad)))
+    return turned
+
+
+def first_harmonic_gain(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
+    """Factor by which harmonics change the amplitude [n] that a fit of one sinusoid finds, for the true phase [n]."""
+    return np.abs(_found(phase_rad, steps_rad, ratios))
+
+
+def _found(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> NDArray[np.complex128]:
+    """cosine + i sine [n] of the fit to the first harmonic, of amplitude 1, and the others."""
+    steps = np.asarray(steps_rad, float)
+    basis = np.stack([np.ones_like(steps), np.cos(steps), np.sin(steps)], -1)
+    inverse = np.linalg.pinv(basis)
+    estimator = inverse[1] + 1j * inverse[2]
+    found: NDArray[np.complex128] = np.exp(1j * phase_rad)
+    for k in range(2, len(ratios)):
+        # cos k(phase - step), split into the steps' own part and the phase's
+        of_cosine, of_sine = estimator @ np.cos(k * steps), estimator @ np.sin(k * steps)
+        if ratios[k] and max(abs(of_cosine), abs(of_sine)) > 1e-12:
+            found = found + ratios[k] * (of_cosine * np.cos(k * phase_rad) + of_sine * np.sin(k * phase_rad))
+    return found
+
+
+def correct_phase(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
+    """The true phases [n], from those found and the harmonics over the first; good to 1e-6 rad.
+
+    Raises ValueError for harmonics so strong that two true phases give the same one.
+    """
+    true, found = _table(steps_rad, ratios)
+    if not np.abs(found - true).max() > 1e-9:
+        return phase_rad
+    return wrapped(phase_rad - np.interp(phase_rad, found, found - true, period=2 * np.pi))
+
+
+def error_gain(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
+    """Factor [n] from errors of the phases found to those of the corrected ones."""
+    true, found = _table(steps_rad, ratios)
+    gain: FloatArray = np.interp(phase_rad, found, np.gradient(true, found), period=2 * np.pi)
+    return gain
+
+
+def _table(steps_rad: FloatArray, ratios: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """True phases and those found. ValueError where these do not grow with the true ones."""
+    true = np.linspace(-np.pi, np.pi, TABLE + 1)
+    found = true + phase_bias(true, steps_rad, ratios)
+    if not (np.diff(found) > 0).all():
+        raise ValueError(
+            f"harmonics of {np.round(ratios[2:5], 3).tolist()} of the first are too strong for {len(steps_rad)} steps: "
+            "two phases look the same; must be taken with more steps"
+        )
+    return true, found
+
+
+def wrapped(angle_rad: FloatArray) -> FloatArray:
+    """Angles from -pi to pi."""
+    turned: FloatArray = angle_rad - 2 * np.pi * np.rint(angle_rad / (2 * np.pi))
+    return turned
+
+
+@dataclass(frozen=True)
+class ResponseTable:
+    """Measured camera values [n] for values shown [n] on the screen, both growing.
+
+    Raises ValueError where they do not, or for fewer than three.
+    """
+
+    shown: FloatArray
+    camera: FloatArray
+
+    def __post_init__(self) -> None:
+        if self.shown.shape != self.camera.shape or self.shown.ndim != 1 or len(self.shown) < 3:
+            raise ValueError(
+                f"response table: {self.shown.shape} values shown, {self.camera.shape} camera values; "
+                "must be two rows of at least three numbers"
+            )
+        for name, values in (("values shown", self.shown), ("camera values", self.camera)):
+            if not (np.isfinite(values).all() and (np.diff(values) > 0).all()):
+                raise ValueError(f"response table: the {name} must be finite and grow from entry to entry")
+
+    @property
+    def harmonics(self) -> FloatArray:
+        """Harmonics over the first, of a sinusoid shown over the table's whole range."""
+        return response_harmonics(self.shown, self.camera)
+
+    def shown_values(self, camera: FloatArray) -> FloatArray:
+        """Values shown that give these camera values: the table inverted by linear interpolation, its ends beyond."""
+        values: FloatArray = np.interp(camera, self.camera, self.shown)
+        return values
+
+    def linearised(self, samples: FloatArray, dark: FloatArray, white: FloatArray) -> FloatArray:
+        """Values shown, 0 to 1, of samples [..., n] of pixels whose black and white screen give dark, white [n].
+
+        Each pixel is scaled to the table's range first: the curve is the screen's, and pixels differ in brightness.
+        """
+        share = (samples - dark) / (white - dark)
+        camera = self.camera[0] + share * (self.camera[-1] - self.camera[0])
+        values: FloatArray = (self.shown_values(camera) - self.shown[0]) / (self.shown[-1] - self.shown[0])
+        return values

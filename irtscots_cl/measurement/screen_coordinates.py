@@ -1,0 +1,212 @@
+"""From fringe images to the places on the screen that the pixels see, with error bars.
+
+found = screen_coordinates(stack)      # FringeStack of images
+found.x.fraction, found.x.standard_error
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from irtscots_cl.imaging.fringes import FringeSet, FringeStack
+from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
+from irtscots_cl.measurement.fringe_survey import SAMPLE, Survey, phases_of, survey
+from irtscots_cl.measurement.harmonics import ResponseTable
+from irtscots_cl.measurement.mirror_mask import mirror_mask
+from irtscots_cl.measurement.phase import FrameNoise, fit_sinusoid
+from irtscots_cl.measurement.unwrapping import Prior, unwrap
+from irtscots_cl.system import interruption
+from irtscots_cl.system.memory import check_memory
+
+AT_ONCE = 2**17  # pixels
+WORKERS = 2
+MAP_BYTES = 16  # of a pixel and series: four maps
+PIXEL_BYTES = 120  # of a pixel: places, errors, and what is made on the way
+
+
+@dataclass(frozen=True)
+class AxisCoordinates:
+    """What the fringes of one axis say. All maps are NaN outside the mask.
+
+    fraction, standard_error: [rows, columns] of the screen, in the fringes' own convention (FringeSet.reverse, ends);
+    the standard error holds noise and the floor, for the right fringe orders. wrong: probability of wrong orders.
+    misfit: chi-square of the series' agreement over its degrees of freedom.
+    phase_rad (harmonics taken out), amplitude, offset, residual (rms over its degrees of freedom, harmonics included):
+    [series, rows, columns] float32. missing: [rows, columns] samples left out, saturated or no numbers.
+    """
+
+    fringes: FringeSet
+    survey: Survey
+    fraction: FloatArray = field(repr=False)
+    standard_error: FloatArray = field(repr=False)
+    wrong: FloatArray = field(repr=False)
+    misfit: FloatArray = field(repr=False)
+    phase_rad: NDArray[Any] = field(repr=False)
+    amplitude: NDArray[Any] = field(repr=False)
+    offset: NDArray[Any] = field(repr=False)
+    residual: NDArray[Any] = field(repr=False)
+    missing: NDArray[Any] = field(repr=False)
+
+    @property
+    def modulation(self) -> NDArray[Any]:
+        """Amplitude over offset [series, rows, columns]."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share: NDArray[Any] = self.amplitude / self.offset
+            return share
+
+
+@dataclass(frozen=True)
+class ScreenCoordinates:
+    """Places on the screen that the pixels see. mask: [rows, columns] pixels that were evaluated. axes: by "x", "y"."""
+
+    mask: BoolArray = field(repr=False)
+    axes: Mapping[str, AxisCoordinates]
+
+    @property
+    def x(self) -> AxisCoordinates:
+        return self.axes["x"]
+
+    @property
+    def y(self) -> AxisCoordinates:
+        return self.axes["y"]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found that is not as it was said."""
+        return tuple(note for axis in self.axes.values() for note in axis.survey.notes)
+
+
+def screen_coordinates(
+    stack: FringeStack,
+    *,
+    mask: BoolArray | None = None,
+    noise: FrameNoise | None = None,
+    response: ResponseTable | None = None,
+    prior: Mapping[str, tuple[FloatArray, FloatArray]] | None = None,
+) -> ScreenCoordinates:
+    """Places on the screen from fringe images.
+
+    mask: pixels [rows, columns] to evaluate; None: those that see the mirror, from the white and dark images or the
+    fringes' amplitude. noise: of the images; None: from their residuals. response: of screen and camera; used if the
+    images agree with it. prior: by axis, fractions and standard errors [rows, columns] known beforehand, as a design's.
+
+    Raises ValueError where no pixel sees fringes, or the images do not fit the memory.
+    """
+    rows, columns = stack.shape
+    series = max(len(one.periods) for one in stack.sets)
+    check_memory(f"fringe images of {rows} x {columns} pixels", rows * columns * (2 * series * MAP_BYTES + PIXEL_BYTES))
+    if mask is not None and np.shape(mask) != stack.shape:
+        raise ValueError(f"mask of shape {np.shape(mask)}: must be {stack.shape}, as the images")
+    mask = find_mask(stack) if mask is None else np.asarray(mask, bool)
+    pixels = np.flatnonzero(mask)
+    if not pixels.size:
+        raise ValueError("mask: no pixel is marked")
+    axes = {}
+    for number, fringes in enumerate(stack.sets):
+        known = (prior or {}).get(fringes.axis)
+        axes[fringes.axis] = _axis(stack, number, pixels, known, noise, response)
+    return ScreenCoordinates(mask, axes)
+
+
+def find_mask(stack: FringeStack) -> BoolArray:
+    """The pixels that see the mirror: from white less dark where there are such images, else from the amplitudes."""
+    if stack.white is not None:
+        signal = np.asarray(stack.white, float) - (0.0 if stack.dark is None else np.asarray(stack.dark, float))
+        return mirror_mask(signal)
+    weakest = np.full(stack.shape[0] * stack.shape[1], np.inf)
+    for number, fringes in enumerate(stack.sets):
+        lowest = int(np.argmin(fringes.periods))
+        for k, (_, steps, images) in enumerate(stack.series(number)):
+            if k == lowest:
+                flat = images.reshape(len(steps), -1)
+                for part in _parts(flat.shape[1]):
+                    amplitude = fit_sinusoid(flat[:, part], np.asarray(steps), stack.saturation).amplitude
+                    weakest[part] = np.fmin(weakest[part], amplitude)
+    weakest[~np.isfinite(weakest)] = np.nan
+    return mirror_mask(weakest.reshape(stack.shape))
+
+
+def _parts(count: int) -> list[slice]:
+    return [slice(k, min(k + AT_ONCE, count)) for k in range(0, count, AT_ONCE)]
+
+
+def _axis(
+    stack: FringeStack,
+    number: int,
+    pixels: IntArray,
+    known: tuple[FloatArray, FloatArray] | None,
+    noise: FrameNoise | None,
+    response: ResponseTable | None,
+) -> AxisCoordinates:
+    fringes = stack.sets[number]
+    prior = None
+    if known is not None:
+        place, error = (np.asarray(a, float).ravel()[pixels] for a in np.broadcast_arrays(*known))
+        prior = Prior(1 - place if fringes.reverse else place, error)
+    chosen = np.arange(0, len(pixels), max(1, len(pixels) // SAMPLE))
+    some = None if prior is None else Prior(prior.fraction[chosen], prior.standard_error[chosen])
+    found = survey(stack, number, pixels[chosen], noise, response, some)
+    maps = _evaluate(stack, number, pixels, found)
+    phase, error = maps["phase_rad"], maps.pop("error_rad")
+    places = np.full((5, len(pixels)), np.nan)
+
+    def place_part(part: slice) -> None:
+        near = None if prior is None else Prior(prior.fraction[part], prior.standard_error[part])
+        total = np.hypot(error[:, part].astype(float), found.floor_rad)
+        result = unwrap(phase[:, part].astype(float), total, fringes.periods, near)
+        fraction = 1 - result.fraction if fringes.reverse else result.fraction
+        with np.errstate(divide="ignore", invalid="ignore"):
+            misfit = np.where(result.freedom > 0, result.misfit / result.freedom, np.nan)
+        places[:4, part] = fraction, result.standard_error, result.wrong, misfit
+
+    _for_all(place_part, len(pixels))
+
+    def on_grid(values: NDArray[Any]) -> NDArray[Any]:
+        grid = np.full((*values.shape[:-1], stack.shape[0] * stack.shape[1]), np.nan, values.dtype)
+        grid[..., pixels] = values
+        return grid.reshape(*values.shape[:-1], *stack.shape)
+
+    return AxisCoordinates(
+        fringes,
+        found,
+        *(on_grid(row) for row in places[:4]),
+        **{name: on_grid(values) for name, values in maps.items()},
+    )
+
+
+def _evaluate(stack: FringeStack, number: int, pixels: IntArray, found: Survey) -> dict[str, NDArray[Any]]:
+    """Phases and what belongs to them [series, n], samples that are missing [n], of the given pixels."""
+    series = len(found.steps_rad)
+    names = ("phase_rad", "error_rad", "amplitude", "offset", "residual")
+    maps: dict[str, NDArray[Any]] = {name: np.empty((series, len(pixels)), np.float32) for name in names}
+    maps["missing"] = np.zeros(len(pixels), np.float32)
+    for k, (_, _, images) in enumerate(stack.series(number)):
+        flat = images.reshape(len(images), -1)
+
+        def fit_part(part: slice, k: int = k, flat: NDArray[Any] = flat) -> None:
+            fit = fit_sinusoid(flat[:, pixels[part]], found.steps_rad[k], stack.saturation)
+            of_series = slice(k, k + 1)
+            phase, error = phases_of(
+                [fit], found.steps_rad[of_series], found.harmonics[of_series], found.noise, found.sign
+            )
+            with np.errstate(invalid="ignore", divide="ignore"):
+                values = (phase[0], error[0], fit.amplitude, fit.offset, fit.residual_rms)
+                for name, value in zip(names, values, strict=True):
+                    maps[name][k, part] = value
+            maps["missing"][part] += len(flat) - fit.samples
+
+        _for_all(fit_part, len(pixels))
+    return maps
+
+
+def _for_all(work: Callable[[slice], None], count: int) -> None:
+    """Call work(part) for all parts of so many pixels; NumPy works on several at once."""
+    with ThreadPoolExecutor(WORKERS) as pool:
+        for _ in pool.map(work, _parts(count)):
+            interruption.check()
