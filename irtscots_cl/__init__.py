@@ -18,6 +18,7 @@ The folders, in order: each imports only from folders above it.
     tracing      SIMULATION: scene and device to light transport, by four estimators.
     measurement  MEASUREMENT: images and design to height. Never imports tracing, opencl, execution.
     analysis     Truth meets measurement: errors, error terms, stray light.
+    calibration  What is not known about a test's geometry, and what its images say about it.
     report       Results for people and programs: tables, JSON, HTML, HDF5, figures.
     pipeline     The ready-made jobs: simulate, measure, reach a target.
     bench        How fast rays are traced, how the time grows with a job, and which error is had for which time.

@@ -5,9 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from irtscots_cl.cli.common import LAB_MEASURE, add_measure, command, print_json, print_tables, warn, warn_of
 from irtscots_cl.scene.presets import load_scene
+
+if TYPE_CHECKING:
+    from irtscots_cl.report.types import MeasuredFacts
 
 
 def add(commands) -> None:
@@ -15,7 +19,7 @@ def add(commands) -> None:
         commands,
         "reconstruct",
         _execute,
-        "measure a mirror from line-scan images",
+        "measure a mirror from images of line scans or fringes",
         "Writes result.h5 and figures into the output folder.",
     )
     parser.add_argument(
@@ -23,13 +27,20 @@ def add(commands) -> None:
         type=Path,
         metavar="IMAGES",
         help="HDF5 file with /images/x, /images/y "
-        "[lines, rows, columns] and /lines/x_mm, /lines/y_mm, as `irtscots run` writes it",
+        "[lines, rows, columns] and /lines/x_mm, /lines/y_mm, as `irtscots run` writes it, or a SOFAST fringe measurement",
     )
     parser.add_argument(
         "--scene",
         required=True,
         metavar="SCENE",
-        help="preset name or path of a TOML file; only its design is used, no deviation",
+        help="preset name or path of a TOML file; only its design is used, no deviation. With a SOFAST measurement also "
+        "the folder of the laboratory's calibration files: camera, display, spatial orientation, facet",
+    )
+    parser.add_argument(
+        "--display",
+        type=Path,
+        metavar="FILE",
+        help="with a folder as --scene: the display file to use; default: the folder's most complete one",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME-measured")
     parser.add_argument(
@@ -53,14 +64,54 @@ def add(commands) -> None:
 
 
 def _execute(options: argparse.Namespace) -> int:
+    from irtscots_cl.formats.sofast import is_sofast_measurement
+
     if not 0 <= options.threshold < 1:
         raise ValueError(f"--threshold = {options.threshold}: must be at least 0 and below 1")
+    if is_sofast_measurement(options.images):
+        return _sofast(options)
+    for option, given in (("--scene", Path(options.scene).is_dir()), ("--display", options.display is not None)):
+        if given:
+            raise ValueError(f"{option}: a folder of calibration files goes with a SOFAST measurement, which IMAGES is not")
+    return _line_scans(options)
+
+
+def _sofast(options: argparse.Namespace) -> int:
+    """A SOFAST measurement, with a scene or a folder of calibration files."""
+    for option, given in (("--measure", options.measure), ("--threshold", options.threshold)):
+        if given:
+            raise ValueError(f"{option}: is of line scans; IMAGES is a measurement with fringes")
+    from irtscots_cl.measurement.coefficients import check_kind
+    from irtscots_cl.pipeline.measure_sofast import SofastSetup, measure_sofast
+    from irtscots_cl.system.atomic_files import check_output_folder, made_folder
+
+    check_kind(options.zernike)
+    path = Path(options.scene)
+    if path.is_dir():
+        setup = SofastSetup.of_folder(path, options.display)
+    elif options.display is not None:
+        raise ValueError("--display: goes with a folder of calibration files as --scene")
+    else:
+        setup = SofastSetup(scene=load_scene(options.scene))
+    folder = options.out if options.out is not None else Path("irtscots-out") / f"{options.images.stem}-measured"
+    check_output_folder(folder, ("result.h5", "report.json", "scene.toml"), ("figures",))
+    if (folder / "result.h5").resolve() == options.images.resolve():
+        raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
+    saturation = options.saturation if math.isfinite(options.saturation) else None
+    with made_folder(folder):
+        facts = measure_sofast(
+            options.images, setup, folder, strict=options.strict, zernike=options.zernike, saturation=saturation
+        )
+    return _tell(options, facts, folder)
+
+
+def _line_scans(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
     from irtscots_cl.imaging.image_files import read_images
     from irtscots_cl.measurement.coefficients import check_kind
     from irtscots_cl.measurement.methods import check_measure
     from irtscots_cl.pipeline.measure import measure
-    from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain
+    from irtscots_cl.system.atomic_files import check_output_folder, made_folder
 
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder, ("result.h5", "report.json"), ("figures",))
@@ -75,7 +126,13 @@ def _execute(options: argparse.Namespace) -> int:
             images, scene.nominal(), folder, options.threshold, how, strict=options.strict,
             source=str(options.images), zernike=options.zernike
         )  # fmt: skip
+    return _tell(options, facts, folder)
+
+
+def _tell(options: argparse.Namespace, facts: MeasuredFacts, folder: Path) -> int:
+    from irtscots_cl.report.fringe_tables import fringe_tables
     from irtscots_cl.report.tables import cautions, measured_tables
+    from irtscots_cl.system.atomic_files import plain
 
     warn_of(facts["checks"])
     for line in cautions(facts):
@@ -83,6 +140,6 @@ def _execute(options: argparse.Namespace) -> int:
     if options.json:
         print_json(plain(facts))
     else:
-        print_tables(measured_tables(facts))
+        print_tables(measured_tables(facts) + fringe_tables(facts))
         print(f"results in {folder}")
     return 0

@@ -50,6 +50,17 @@ class Frame:
         return from_device[..., 0] + step * along[..., 0], from_device[..., 1] + step * along[..., 1]
 
 
+def aim_of(frame: Frame, distance_mm: float) -> tuple[FloatArray, FloatArray, float]:
+    """The arguments position_mm, look_at_mm (so far in front of the device) and turn_rad that make a frame again.
+
+    The inverse of Frame.looking, for a right-handed frame whose z is not along the world's Y axis.
+    """
+    look_at = frame.position_mm - distance_mm * frame.axes[2]
+    plain = Frame.looking(frame.position_mm, look_at)
+    turn = float(np.arctan2(frame.axes[0] @ plain.axes[1], frame.axes[0] @ plain.axes[0]))
+    return frame.position_mm, look_at, turn
+
+
 def turned(vectors: FloatArray, axes: FloatArray) -> FloatArray:
     """The product vectors [..., 3] @ axes [3, 3], in parts, so that a signal need not wait for a large one."""
     if vectors.ndim < 3:

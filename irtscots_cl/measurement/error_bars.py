@@ -38,14 +38,10 @@ class ErrorBars:
 
 def error_bars(result: Reconstruction, seed: int = 0) -> ErrorBars | None:
     """The standard errors of a result from its centroids' errors; None where the measure does not give those."""
-    if result.estimates_of_scans is None:
-        return None
     mask = result.mask
-    errors = []
-    for estimate in result.estimates_of_scans:
-        on_grid = np.full(mask.size, np.nan)
-        on_grid[estimate.scan.pixels] = estimate.error_mm
-        errors.append(np.where(mask, on_grid.reshape(mask.shape), 0.0))
+    errors = _place_errors(result)
+    if errors is None:
+        return None
     (x_by_u, y_by_u), (x_by_v, y_by_v) = slope_derivatives(result)
     random = np.random.default_rng(seed)
     count = int(np.clip(VALUES // max(int(mask.sum()), 1), MIN_DRAWS, MAX_DRAWS))
@@ -67,6 +63,21 @@ def error_bars(result: Reconstruction, seed: int = 0) -> ErrorBars | None:
     )
     slope_x, slope_y = np.where(mask, np.sqrt(squares / count), np.nan)
     return ErrorBars(slope_x, slope_y, np.sqrt(bare + steps), heights)
+
+
+def _place_errors(result: Reconstruction) -> list[FloatArray] | None:
+    """Standard errors [rows, columns] in mm of the places u and v on the screen, 0 outside the mask; None if unknown."""
+    mask = result.mask
+    if result.place_errors_mm is not None:
+        return [np.where(mask, error, 0.0) for error in result.place_errors_mm]
+    if result.estimates_of_scans is None:
+        return None
+    errors = []
+    for estimate in result.estimates_of_scans:
+        on_grid = np.full(mask.size, np.nan)
+        on_grid[estimate.scan.pixels] = estimate.error_mm
+        errors.append(np.where(mask, on_grid.reshape(mask.shape), 0.0))
+    return errors
 
 
 def slope_derivatives(result: Reconstruction) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:

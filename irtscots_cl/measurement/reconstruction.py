@@ -43,7 +43,8 @@ class Reconstruction:
     last one was below refine's tolerance, None without refinement. jackknife_*: [replicates, rows, columns], the same
     maps with one replicate left out in turn, for error bars. estimates_of_scans: of the x and the y scan, for
     "windowed" and "likelihood": error bars of the centroids, gains of the frames, chi-square, ... islands: of the mask,
-    and how their heights are joined; None if it is known to have only one.
+    and how their heights are joined; None if it is known to have only one. place_errors_mm: standard errors [rows,
+    columns] of centroid_x_mm and centroid_y_mm, where these come from no scans.
     """
 
     setup: Setup = field(repr=False)
@@ -68,6 +69,7 @@ class Reconstruction:
     estimates_of_scans: tuple[ScanEstimate, ScanEstimate] | None = field(default=None, repr=False)
     islands: Islands | None = field(default=None, repr=False)
     converged: bool | None = None
+    place_errors_mm: Pair | None = field(default=None, repr=False)
 
     @property
     def nominal(self) -> Scene:
@@ -182,7 +184,7 @@ def reconstruct(
     mask = on_mirror & (flags == Flag.GOOD)
     _check_enough(setup.scene.name, on_mirror, mask, flags)
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(setup))
-    slope_x, slope_y, deviation, islands = _surface(
+    slope_x, slope_y, deviation, islands = surface_of(
         chief, (x_mm, y_mm), (u_mm, v_mm), mask, (centroid_x, centroid_y), method, pixel_average
     )
     design = chief.surface.sag(x_mm, y_mm)
@@ -290,7 +292,7 @@ def triangulated(
     return half_vector_slopes(points, screen, chief.camera_frame.position_mm)
 
 
-def _surface(
+def surface_of(
     chief: ChiefRays, mirror: Pair, landing: Pair, mask: BoolArray, centroid: Pair, method: str, pixel_average: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray, Islands]:
     """Slopes and deviation [1 + replicates, rows, columns] from centroids (u, v) of the same shape; the islands.

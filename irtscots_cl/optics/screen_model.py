@@ -82,7 +82,7 @@ class ScreenModel:
             if self.surface is not None:
                 u, v = self._meet(u, v, slope_u, slope_v)
             if self.glass is not None:
-                shift_u, shift_v = self._glass_shift(u, v, slope_u, slope_v)
+                shift_u, shift_v = self.glass_shift(u, v, slope_u, slope_v)
                 u, v = u + shift_u, v + shift_v
         return u, v
 
@@ -96,7 +96,7 @@ class ScreenModel:
         seen_u, seen_v = u_mm, v_mm
         for _ in range(GLASS_ROUNDS):
             along = turned(self.to_world(seen_u, seen_v) - points_mm, self.frame.axes.T)
-            shifts = self._glass_shift(seen_u, seen_v, along[..., 0] / along[..., 2], along[..., 1] / along[..., 2])
+            shifts = self.glass_shift(seen_u, seen_v, along[..., 0] / along[..., 2], along[..., 1] / along[..., 2])
             seen_u, seen_v = u_mm - shifts[0], v_mm - shifts[1]
         return self.to_world(seen_u, seen_v)
 
@@ -120,7 +120,7 @@ class ScreenModel:
         u[lost], v[lost] = np.nan, np.nan
         return u, v
 
-    def _glass_shift(self, u, v, slope_u, slope_v) -> tuple[np.ndarray, np.ndarray]:
+    def glass_shift(self, u, v, slope_u, slope_v) -> tuple[np.ndarray, np.ndarray]:
         """How far (u, v) the glass moves rays with slopes dx/dz, dy/dz on the pixels about (u, v), in mm.
 
         A ray at the angle i to the local normal meets the pixels t (tan i - tan i') nearer, sin i = n sin i'.

@@ -70,8 +70,16 @@ class MeasuredPoints:
     """Splines of X - u, Y - v and Z over the grid; beyond the measured points they go on as planes."""
 
     splines: tuple[RectBivariateSpline, ...] = field(repr=False)
-    first: tuple[float, float]  # of the knots: the range (u, v) that the points cover
-    last: tuple[float, float]
+    levels: tuple[np.ndarray, np.ndarray] = field(repr=False)  # u and v of the grid's lines
+
+    @property
+    def first(self) -> tuple[float, float]:
+        """Where the range (u, v) that the points cover begins."""
+        return self.levels[0][0], self.levels[1][0]
+
+    @property
+    def last(self) -> tuple[float, float]:
+        return self.levels[0][-1], self.levels[1][-1]
 
     def points(self, u_mm, v_mm) -> np.ndarray:
         u, v = np.broadcast_arrays(np.asarray(u_mm, float), np.asarray(v_mm, float))
@@ -81,16 +89,26 @@ class MeasuredPoints:
         for spline in self.splines:
             value = spline.ev(*inside)
             if np.any(beyond[0]) or np.any(beyond[1]):
-                value = value + beyond[0] * spline.ev(*inside, dx=1) + beyond[1] * spline.ev(*inside, dy=1)
+                value = value + beyond[0] * self._slope(spline, inside, 0) + beyond[1] * self._slope(spline, inside, 1)
             moves.append(value)
         return np.stack([u + moves[0], v + moves[1], moves[2]], -1)
 
     def tangents(self, u_mm, v_mm) -> tuple[np.ndarray, np.ndarray]:
         u, v = np.broadcast_arrays(np.asarray(u_mm, float), np.asarray(v_mm, float))
         inside = [np.clip(w, a, b) for w, a, b in zip((u, v), self.first, self.last, strict=True)]
-        by_u = [spline.ev(*inside, dx=1) for spline in self.splines]
-        by_v = [spline.ev(*inside, dy=1) for spline in self.splines]
+        by_u, by_v = ([self._slope(spline, inside, axis) for spline in self.splines] for axis in (0, 1))
         return np.stack([1 + by_u[0], by_u[1], by_u[2]], -1), np.stack([by_v[0], 1 + by_v[1], by_v[2]], -1)
+
+    def _slope(self, spline: RectBivariateSpline, at: list[np.ndarray], axis: int) -> np.ndarray:
+        """Derivative of a spline by u (0) or v (1). Between straight pieces it is that of the piece: FITPACK refuses
+        derivatives as high as the degree (pardeu, code 10)."""
+        if spline.degrees[axis] > 1:
+            return spline.ev(*at, dx=1 - axis, dy=axis)
+        levels = self.levels[axis]
+        piece = np.clip(np.searchsorted(levels, at[axis], "right") - 1, 0, len(levels) - 2)
+        low, high = list(at), list(at)
+        low[axis], high[axis] = levels[piece], levels[piece + 1]
+        return (spline.ev(*high) - spline.ev(*low)) / (high[axis] - low[axis])
 
 
 def _measured(shape: Any, half: tuple[float, float], middle: tuple[float, float]) -> MeasuredPoints:
@@ -105,7 +123,7 @@ def _measured(shape: Any, half: tuple[float, float], middle: tuple[float, float]
     splines = tuple(
         RectBivariateSpline(u, v, field, kx=min(order, len(u) - 1), ky=min(order, len(v) - 1)) for field in values
     )
-    return MeasuredPoints(splines, (u[0], v[0]), (u[-1], v[-1]))
+    return MeasuredPoints(splines, (u, v))
 
 
 def _on_grid(places: np.ndarray, moves: np.ndarray, interpolation: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -19,6 +19,7 @@ from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check, check_ima
 from irtscots_cl.measurement.reconstruction import SIGNED, Reconstruction
 from irtscots_cl.measurement.saturation import find_ceiling
 from irtscots_cl.measurement.scan_estimates import estimate_centroids
+from irtscots_cl.measurement.screen_places import PLACES
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
 from irtscots_cl.report.quality import check_facts, fit_facts, island_facts, misfit_facts, quality_checks
@@ -57,8 +58,8 @@ def measure(
     check_kind(zernike)
     try:
         result, stack, bars, checks = _measured(stack, Setup(nominal), threshold, how, strict)
-        facts = _facts(result, how, bars, checks, zernike)
-        _refuse(checks, strict)
+        facts = measured_facts(result, how, bars, checks, zernike)
+        refuse_bad(checks, strict)
     except ValueError as error:
         kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
         raise kind(f"{source}: {error}") from None
@@ -77,17 +78,18 @@ def _measured(
     estimates = estimate_centroids(stack, setup, BEST)
     interruption.check()
     checks = check_images(stack, setup, estimates)
-    _refuse(checks, strict)
+    refuse_bad(checks, strict)
     result = measure_by(how, stack, setup, threshold, estimates)
     bars = error_bars(result)
     if MEASURES[how].light_curve not in SIGNED:
         best = measure_by(BEST, stack, setup, estimates=estimates)
         checks.append(_against_best(result, best, how, threshold))
-        _refuse(checks, strict)
+        refuse_bad(checks, strict)
     return result, stack, bars, checks
 
 
-def _refuse(checks: list[Check], strict: bool) -> None:
+def refuse_bad(checks: list[Check], strict: bool) -> None:
+    """Raise RefusedImagesError for checks with errors; strict: for warnings, too."""
     level = worst(checks)
     if level == ERROR or (strict and level == WARNING):
         bad = "; ".join(f"{check.name}: {check.text}" for check in checks if check.level == level)
@@ -109,10 +111,11 @@ def _against_best(result: Reconstruction, best: Reconstruction, how: str, thresh
     return Check("measure", WARNING if value > limit else OK, value, limit, 1e-3, text)
 
 
-def _facts(
+def measured_facts(
     result: Reconstruction, how: str, bars: ErrorBars | None, checks: list[Check], zernike: str
 ) -> MeasuredFacts:
     """The facts; adds what islands, misfit and Zernike fit show to the checks."""
+    curves = result.light_curve != PLACES
     joined = result.height_mask
     left = {t: remove_terms(result.x_mm, result.y_mm, result.deviation_mm, joined, t) for t in HEIGHT_TERMS}
     deviation = {terms: rms(height, joined) * 1e6 for terms, height in left.items()}
@@ -135,8 +138,8 @@ def _facts(
         "refinement_converged": result.converged,
         "pixels_used": result.pixels_used,
         "light_curves_refused": cast("Refused", result.refused()),
-        "pixels_with_traced_light": int(result.light_traced().sum()),
-        "pixels_without_model": int(result.without_model().sum()),
+        "pixels_with_traced_light": int(result.light_traced().sum()) if curves else 0,
+        "pixels_without_model": int(result.without_model().sum()) if curves else 0,
         "deviation_nm_rms": cast("HeightErrors", deviation),
         "slope_standard_error_urad": cast("AlongAxes", slopes),
         "height_standard_error_nm": rms(bars.height_mm, joined) * 1e6 if bars else unknown,

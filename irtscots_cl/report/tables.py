@@ -176,8 +176,9 @@ def measured_tables(facts: MeasuredFacts) -> list[Table]:
         rows += [
             ("standard error of the height [nm]", f"{facts['height_standard_error_nm']:.3g}"),
             ("standard error of the slopes [urad]", f"{slopes['x']:.3g}, {slopes['y']:.3g}"),
-            ("centroids' error / Cramer-Rao bound", f"{bound['x']:.3g}, {bound['y']:.3g}"),
         ]
+        if math.isfinite(bound["x"]):
+            rows += [("centroids' error / Cramer-Rao bound", f"{bound['x']:.3g}, {bound['y']:.3g}")]
     rows += [("slopes of no surface", misfit_text(facts["integration_misfit"]))]
     tables = [Table("Deviation from the design, rms", ("", ""), rows), *island_tables(facts["islands"])]
     tables.append(_coefficient_table(facts))

@@ -310,6 +310,33 @@ class PathReport(TypedDict):
     paths: list[PathRow]
 
 
+class GeometryFacts(TypedDict):
+    """Where the camera saw a mirror whose place is known from its outline and its distance from the screen.
+
+    display: the file that the screen's shape comes from. corners_px: (column, row) in the images as stored, in the order
+    of the facet's file. corner_misfit_px: rms distance of the facet's corners from them. distance_mm: measured, from the
+    mirror's point to the screen; distance_by_corners_mm: by its outline alone. turn_mrad: between the mirror's normal by
+    the outline and by the slopes, which counts. focal_lengths_m: of the paraboloid that the slopes fit, along x and y.
+    """
+
+    display: str
+    corners_px: list[list[float]]
+    corner_misfit_px: float
+    distance_mm: float
+    distance_by_corners_mm: float
+    turn_mrad: float
+    focal_lengths_m: AlongAxes
+
+
+class FringeFacts(TypedDict):
+    """What the fringes say. periods: over the screen. standard_error_mm: of the places on the screen, the median."""
+
+    periods: dict[str, list[float]]
+    standard_error_mm: AlongAxes
+    modulation: AlongAxes
+    pixels_with_wrong_order: float
+
+
 class MeasuredFacts(TypedDict):
     """What `irtscots reconstruct` tells of a lab's images, named as in report.json.
 
@@ -335,3 +362,5 @@ class MeasuredFacts(TypedDict):
     height_standard_error_nm: float
     of_bound: AlongAxes
     checks: list[CheckFacts]
+    fringes: NotRequired[FringeFacts]
+    geometry: NotRequired[GeometryFacts]

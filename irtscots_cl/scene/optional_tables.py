@@ -12,10 +12,11 @@ from pydantic import TypeAdapter, ValidationError
 from irtscots_cl.scene.validation import nearest, problem, shown_word, translate
 
 NOISE, RESPONSE = ("camera", "detector", "noise"), ("screen", "response")
+INTRINSICS = ("camera", "intrinsics")
 KINDS = {  # path of keys -> (module of irtscots_cl.scene, its checked dataclass)
     NOISE: ("detector_noise", "DetectorNoise"),
     RESPONSE: ("screen_response", "ScreenResponse"),
-    ("camera", "intrinsics"): ("camera_intrinsics", "Intrinsics"),
+    INTRINSICS: ("camera_intrinsics", "Intrinsics"),
     ("screen", "shape"): ("screen_shape", "ScreenShape"),
     ("screen", "cover_glass"): ("screen_shape", "CoverGlass"),
     ("screen", "lines"): ("screen_shape", "ScanLines"),
@@ -41,6 +42,10 @@ def checked_tables(data: dict[str, Any], source: str) -> dict[str, Any]:
     """
     for steps in KINDS:
         table = _at(data, steps)
+        if steps == INTRINSICS and isinstance(table, dict) and "file" in table:
+            from irtscots_cl.scene.camera_file import with_camera_file  # imported late: few scenes name such a file
+
+            table = with_camera_file(table, source, steps, _at(data, ("camera", "detector", "pixels")))
         if table is not None:
             data = _replaced(data, steps, _checked(_kind(steps), table, source, steps))
     return data

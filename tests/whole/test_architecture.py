@@ -25,6 +25,7 @@ ONLY_FROM = {
     "optics": {"system", "maths", "scene"},
     "imaging": {"system", "maths", "formats", "scene", "optics"},
     "measurement": {"system", "maths", "scene", "optics", "imaging"},
+    "calibration": {"system", "maths", "scene", "optics", "imaging", "measurement"},
 }
 WITHOUT_NUMPY = {"irtscots_cl", "irtscots_cl.cli", "irtscots_cl.__main__", "irtscots_cl.scene.model",
                  "irtscots_cl.scene.presets", "irtscots_cl.scene.element", "irtscots_cl.scene.validation"}  # fmt: skip

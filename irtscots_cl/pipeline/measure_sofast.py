@@ -1,0 +1,214 @@
+"""A SOFAST fringe measurement, with a scene or with a folder of the laboratory's calibration files, to the mirror."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from skimage.draw import polygon2mask
+
+from irtscots_cl.calibration.lab_scene import LabScene, lab_scene, mirror_start, places_of_fractions
+from irtscots_cl.formats.sofast import SofastMeasurement, read_sofast_measurement, read_sofast_response
+from irtscots_cl.formats.sofast_setup import SofastFolder, read_sofast_folder
+from irtscots_cl.imaging.sofast_fringes import sofast_fringes
+from irtscots_cl.measurement.coefficients import check_kind
+from irtscots_cl.measurement.error_bars import error_bars
+from irtscots_cl.measurement.harmonics import ResponseTable
+from irtscots_cl.measurement.quality import OK, WARNING, Check
+from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, screen_coordinates
+from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_places
+from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
+from irtscots_cl.pipeline.output import open_output_folder, version_attributes
+from irtscots_cl.report.fringe_file import FringeMaps, write_fringe_result
+from irtscots_cl.report.types import FringeFacts, GeometryFacts, MeasuredFacts
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.system import interruption
+from irtscots_cl.system.atomic_files import write_json, write_text
+
+FRINGES = "fringes"  # the name of the measure
+CORNER_PX = 1.0  # misfit of the facet's corners from which on it is named
+DISTANCE_SHARE = 0.01  # difference of the distance by the outline from the measured one, from which on it is named
+ROWS = {"upright": 1, "rows-reversed": -1}  # step of the rows from the images as stored to the upright grid
+
+
+@dataclass(frozen=True)
+class SofastSetup:
+    """A scene, or the files that make one. response: the table of screen and camera, if the laboratory has one."""
+
+    scene: Scene | None = None
+    folder: SofastFolder | None = None
+    response: ResponseTable | None = None
+
+    @classmethod
+    def of_folder(cls, path: Path, display: Path | None = None) -> SofastSetup:
+        """The set-up of a folder of calibration files. Raises ValueError."""
+        folder = read_sofast_folder(path, display)
+        if folder.response is None:
+            return cls(folder=folder)
+        table = read_sofast_response(folder.response)
+        try:
+            return cls(folder=folder, response=ResponseTable(table.shown, table.camera))
+        except ValueError as error:
+            raise ValueError(f"{folder.response}: {error}") from None
+
+
+@dataclass(frozen=True)
+class SofastResult:
+    """A mirror measured by SOFAST. lab: what was found of the set-up, None where a scene was given. stored: turns an
+    upright map as the images are stored, and back."""
+
+    result: Reconstruction
+    coordinates: ScreenCoordinates
+    lab: LabScene | None
+    stored: Callable[[Any], Any] = field(repr=False)
+
+
+def sofast_surface(
+    measurement: SofastMeasurement, setup: SofastSetup, saturation: float | None = None
+) -> SofastResult:
+    """The surface of a SOFAST measurement. Raises ValueError where images, files and scene do not fit."""
+    coordinates = screen_coordinates(sofast_fringes(measurement, saturation), response=setup.response)
+    interruption.check()
+    orientation = "rows-reversed" if setup.scene is None else setup.scene.camera.detector.orientation
+    if orientation not in ROWS:
+        raise ValueError(f"camera.detector.orientation = {orientation!r}: must be one of {', '.join(ROWS)}")
+
+    def turned(maps: Any) -> Any:
+        return maps[..., :: ROWS[orientation], :]
+
+    fractions = turned(coordinates.x.fraction), turned(coordinates.y.fraction)
+    size = _size(setup)
+    u_mm, v_mm = places_of_fractions(size, *fractions)
+    errors = [turned(one.standard_error) * w for one, w in zip((coordinates.x, coordinates.y), size, strict=True)]
+    places = ScreenPlaces(u_mm, v_mm, *errors)
+    lab, scene = None, setup.scene
+    if setup.folder is not None:
+        given = measurement.screen_distance_mm, measurement.point_mm
+        signal = turned(measurement.white.astype(float) - measurement.dark)
+        start = mirror_start(setup.folder, *given, signal, turned(coordinates.mask))
+        lab = lab_scene(setup.folder, start, *given, turned(coordinates.mask) & places.known, u_mm, v_mm, measurement.name)
+        scene = lab.scene
+    assert scene is not None
+    interruption.check()
+    inside = None if lab is None else polygon2mask(u_mm.shape, lab.start.corners_px)
+    result = surface_from_places(places, scene.nominal(), aperture=lab is None, mirror=inside)
+    return SofastResult(result, coordinates, lab, turned)
+
+
+def measure_sofast(
+    path: Path,
+    setup: SofastSetup,
+    folder: Path,
+    *,
+    strict: bool = False,
+    zernike: str = "circular",
+    saturation: float | None = None,
+) -> MeasuredFacts:
+    """Measure a mirror from a SOFAST measurement's file. Writes result.h5, report.json, scene.toml and figures into the
+    folder and returns the main facts, named as in report.json.
+
+    strict: refuse doubtful images, too. zernike: kind of the terms that are fitted. saturation: of the camera's pixels.
+    Raises RefusedImagesError if a check says that the images are wrong, ValueError if they do not fit the set-up.
+    """
+    check_kind(zernike)
+    measurement = read_sofast_measurement(path)
+    try:
+        found = sofast_surface(measurement, setup, saturation)
+        bars = error_bars(found.result)
+        assert bars is not None
+        checks = _checks(found, measurement)
+        facts = measured_facts(found.result, FRINGES, bars, checks, zernike)
+        refuse_bad(checks, strict)
+    except ValueError as error:
+        kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
+        raise kind(f"{path}: {error}") from None
+    facts["fringes"] = _fringe_facts(found)
+    if found.lab is not None and setup.folder is not None:
+        facts["geometry"] = _geometry_facts(found.lab, setup.folder, measurement)
+    _write(folder, found, facts, bars)
+    return facts
+
+
+def _size(setup: SofastSetup) -> tuple[float, float]:
+    """Width and height in mm of the screen's fractions from 0 to 1, between the centres of its outer pixels."""
+    if setup.folder is not None:
+        return setup.folder.display.size_mm
+    assert setup.scene is not None
+    screen = setup.scene.screen
+    width, height = ((n - 1) * p for n, p in zip(screen.pixels, screen.pitch_xy_mm, strict=True))
+    return width, height
+
+
+def _checks(found: SofastResult, measurement: SofastMeasurement) -> list[Check]:
+    notes = found.coordinates.notes
+    checks = [Check("fringes", WARNING, float(len(notes)), 0.0, 0.0, note) for note in notes]
+    if not notes:
+        checks.append(Check("fringes", OK, 0.0, 0.0, 0.0, "the images are the fringes that the file tells of"))
+    if found.lab is not None:
+        start, measured = found.lab.start, measurement.screen_distance_mm
+        text = f"the facet's corners lie {start.misfit_px:.2g} pixels rms from those of the outline in the picture"
+        bad = start.misfit_px > CORNER_PX
+        text += "; the facet's file, the camera's file or the mask is wrong" if bad else ""
+        checks.append(Check("corners", WARNING if bad else OK, start.misfit_px, CORNER_PX, 1e-3, text))
+        share = abs(start.distance_mm / measured - 1)
+        text = f"mirror and screen are {start.distance_mm:.6g} mm apart by the outline, {measured:.6g} mm as measured"
+        bad = share > DISTANCE_SHARE
+        text += "; the measured distance, the facet's size or the focal length is wrong" if bad else ""
+        checks.append(Check("distance", WARNING if bad else OK, share, DISTANCE_SHARE, 1e-3, text))
+    return checks
+
+
+def _fringe_facts(found: SofastResult) -> FringeFacts:
+    axes = found.coordinates.axes
+    mask = found.stored(found.result.mask)
+    errors = dict(zip("xy", found.result.place_errors_mm or (), strict=True))
+    return {
+        "periods": {axis: list(one.fringes.periods) for axis, one in axes.items()},
+        "standard_error_mm": {axis: _median(errors[axis][found.result.mask]) for axis in ("x", "y")},  # type: ignore[typeddict-item]
+        "modulation": {axis: _median(axes[axis].modulation[:, mask].min(axis=0)) for axis in ("x", "y")},  # type: ignore[typeddict-item]
+        "pixels_with_wrong_order": float(sum(np.nansum(one.wrong[mask]) for one in axes.values())),
+    }
+
+
+def _median(values: np.ndarray) -> float:
+    return float(np.median(values)) if values.size else float("nan")
+
+
+def _geometry_facts(lab: LabScene, folder: SofastFolder, measurement: SofastMeasurement) -> GeometryFacts:
+    rows = lab.scene.camera.detector.pixels[1]
+    with np.errstate(divide="ignore"):
+        focal = [float(1 / (2e3 * np.float64(c))) for c in (lab.curvature_xx, lab.curvature_yy)]
+    return {
+        "display": folder.display_file.name,
+        "corners_px": [[float(column), float(rows - 1 - row)] for row, column in lab.start.corners_px],
+        "corner_misfit_px": lab.start.misfit_px,
+        "distance_mm": measurement.screen_distance_mm,
+        "distance_by_corners_mm": lab.start.distance_mm,
+        "turn_mrad": lab.turn_rad * 1e3,
+        "focal_lengths_m": {"x": focal[0], "y": focal[1]},
+    }
+
+
+def _write(folder: Path, found: SofastResult, facts: MeasuredFacts, bars: Any) -> None:
+    from irtscots_cl.report.fringe_figures import write_fringe_figures
+
+    result = found.result
+    points = result.setup.chief_rays.screen_model
+    in_frame = (points.to_world(result.centroid_x_mm, result.centroid_y_mm) - points.frame.position_mm) @ points.frame.axes.T
+    maps = FringeMaps(found.coordinates, in_frame, found.stored)
+    attributes = {
+        "scene": result.nominal.to_toml(),
+        "measure": FRINGES,
+        "orientation": result.nominal.camera.detector.orientation,
+        "rows and columns": "those of the images in their file",
+        "screen fractions": "as SOFAST's display files have them",
+    } | version_attributes()
+    with open_output_folder(folder):
+        write_fringe_result(folder / "result.h5", maps, result, attributes, bars)
+        write_fringe_figures(folder / "figures", result, found.coordinates)
+        write_text(folder / "scene.toml", result.nominal.to_toml())
+        write_json(folder / "report.json", dict(facts))

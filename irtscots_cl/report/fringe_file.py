@@ -1,0 +1,94 @@
+"""result.h5 of fringes: maps with the rows and columns of the images as they lie in their file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.integration import separate_islands
+from irtscots_cl.measurement.error_bars import ErrorBars
+from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates
+from irtscots_cl.system import interruption
+from irtscots_cl.system.atomic_files import replacing
+
+Rows = list[tuple[str, np.ndarray, str]]
+
+
+@dataclass(frozen=True)
+class FringeMaps:
+    """coordinates: of the images as stored. points_mm: [rows, columns, 3] upright, where the pixels' places are in the
+    screen's frame. stored: turns an upright map as the images are stored."""
+
+    coordinates: ScreenCoordinates
+    points_mm: FloatArray = field(repr=False)
+    stored: Callable[[Any], Any] = field(repr=False)
+
+
+def write_fringe_result(
+    path: Path, maps: FringeMaps, result: Reconstruction, attributes: Mapping[str, str], bars: ErrorBars
+) -> None:
+    """Write result.h5: places on the screen, as fractions and in mm, modulation, mirror points, slopes and height, all
+    [rows, columns] as the images are stored, with standard errors. attributes: of the file."""
+    upright = [*_screen(maps, result), *_surface(result, bars)]
+    rows = [*_fringes(maps.coordinates), *((name, maps.stored(values), unit) for name, values, unit in upright)]
+    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+        for key, value in attributes.items():
+            file.attrs[key] = value
+        for name, values, unit in rows:
+            interruption.check()
+            file.create_dataset(name, data=values, compression="gzip", compression_opts=1, shuffle=True)
+            file[name].attrs["unit"] = unit
+
+
+def _fringes(found: ScreenCoordinates) -> Rows:
+    """What the fringes say, of the images as stored."""
+    rows: Rows = [("modulation", weakest_modulation(found), "1")]
+    for axis, one in found.axes.items():
+        rows += [
+            (f"screen/{axis}_fraction", one.fraction, "1"),
+            (f"screen/{axis}_fraction_standard_error", one.standard_error, "1"),
+            (f"fringes/{axis}_modulation", one.modulation, "1"),
+            (f"fringes/{axis}_phase_rad", one.phase_rad, "rad"),
+            (f"fringes/{axis}_misfit", one.misfit, "1"),
+            (f"fringes/{axis}_wrong_order_probability", one.wrong, "1"),
+        ]
+    return rows
+
+
+def weakest_modulation(found: ScreenCoordinates) -> np.ndarray:
+    """The least modulation [rows, columns] of all series."""
+    least: np.ndarray = np.minimum(*(one.modulation.min(axis=0) for one in found.axes.values()))
+    return least
+
+
+def _screen(maps: FringeMaps, result: Reconstruction) -> Rows:
+    errors = result.place_errors_mm or (np.full(result.mask.shape, np.nan),) * 2
+    return [
+        *((f"screen/{axis}_mm", maps.points_mm[..., k], "mm") for k, axis in enumerate("xyz")),
+        *((f"screen/{axis}_standard_error_mm", error, "mm") for axis, error in zip("xy", errors, strict=True)),
+    ]
+
+
+def _surface(result: Reconstruction, bars: ErrorBars) -> Rows:
+    islands = result.islands or separate_islands(result.mask)
+    return [
+        ("mask", result.mask, "1"),
+        ("islands", islands.label, "1"),
+        ("island_groups", islands.group_map, "1"),
+        ("mirror/x_mm", result.x_mm, "mm"),
+        ("mirror/y_mm", result.y_mm, "mm"),
+        ("slope/x_rad", result.slope_x, "rad"),
+        ("slope/y_rad", result.slope_y, "rad"),
+        ("slope/x_standard_error_rad", bars.slope_x, "rad"),
+        ("slope/y_standard_error_rad", bars.slope_y, "rad"),
+        ("height_mm", result.height_mm, "mm"),
+        ("deviation_nm", result.deviation_mm * 1e6, "nm"),
+        ("height_standard_error_nm", bars.height_mm * 1e6, "nm"),
+    ]

@@ -1,0 +1,38 @@
+"""Results of fringes as tables for the terminal, beside those of report/tables.py."""
+
+from __future__ import annotations
+
+from irtscots_cl.report.tables import Table
+from irtscots_cl.report.types import MeasuredFacts
+
+
+def fringe_tables(facts: MeasuredFacts) -> list[Table]:
+    """What the fringes and the mirror's outline say; none for line scans."""
+    tables = []
+    if "fringes" in facts:
+        found = facts["fringes"]
+        periods = "; ".join(f"{axis}: {', '.join(f'{p:g}' for p in values)}" for axis, values in found["periods"].items())
+        rows = [("periods over the screen", periods)]
+        for what, key in (("standard error of a place [mm], median", "standard_error_mm"), ("modulation", "modulation")):
+            values = found[key]  # type: ignore[literal-required]
+            rows.append((what, f"{values['x']:.3g}, {values['y']:.3g}"))
+        rows.append(("pixels expected to have a wrong fringe order", f"{found['pixels_with_wrong_order']:.2g}"))
+        tables.append(Table("Fringes", ("", ""), rows))
+    if "geometry" in facts:
+        place = facts["geometry"]
+        focal = place["focal_lengths_m"]
+        tables.append(
+            Table(
+                "Geometry from the mirror's outline, its distance and the slopes",
+                ("", ""),
+                [
+                    ("screen from", place["display"]),
+                    ("corners of the mirror fit the picture to [pixels]", f"{place['corner_misfit_px']:.3g}"),
+                    ("distance of mirror and screen [mm]", f"{place['distance_mm']:.6g}"),
+                    ("the same by the outline alone [mm]", f"{place['distance_by_corners_mm']:.6g}"),
+                    ("normal by the slopes, from that by the outline [mrad]", f"{place['turn_mrad']:.3g}"),
+                    ("focal lengths along x, y [m]", f"{focal['x']:.5g}, {focal['y']:.5g}"),
+                ],
+            )
+        )
+    return tables
