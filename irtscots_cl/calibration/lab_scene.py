@@ -5,10 +5,10 @@
     lab = lab_scene(folder, start, distance_mm, point_mm, mask, u_mm, v_mm)
     lab.scene
 
-All maps are upright: rows grow along the camera's y. The world is the mirror's frame: its origin at the facet's centre,
-x and y those of the facet's file, z along the normal there. The files do not tell the camera's focal length and pixels in
-mm, its aperture, or the screen's number of pixels: a scene needs them, PITCH_MM and the others stand for them, and no
-slope depends on them.
+All maps are upright: rows grow along the camera's y. The world is the mirror's frame: its origin at the facet's
+centre, x and y those of the facet's file, z along the normal there. The files do not tell the camera's focal length and
+pixels in mm, its aperture, or the screen's number of pixels: a scene needs them, PITCH_MM and the others stand for
+them, and no slope depends on them.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from irtscots_cl.measurement.reconstruction import triangulated
 from irtscots_cl.optics.camera_model import CameraModel
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.camera_file import intrinsics_from
-from irtscots_cl.scene.instrument import Camera, Detector, Screen
+from irtscots_cl.scene.instrument import Camera, Detector, Orientation, Screen
 from irtscots_cl.scene.mirror import Mirror
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.screen_shape import ScreenShape
 
 UPRIGHT = np.diag([1.0, -1.0, -1.0])  # from the axes of OpenCV and of SOFAST's screen to a device's own
-ORIENTATION = "rows-reversed"  # of pictures as OpenCV stores them, the top row first
+ORIENTATION: Orientation = "rows-reversed"  # of pictures as OpenCV stores them, the top row first
 PITCH_MM, APERTURE_MM = 0.01, 1.0
 SCREEN_COLUMNS = 1920
 MARGIN = 1.02  # of the mirror's disk about the facet's corners: a pixel at a corner reaches over it
@@ -144,10 +144,21 @@ def mirror_start(
     point = point_mm - folder.facet.centre_mm
     middle = [float(w.mean()) for w in np.nonzero(mask)]
     expected = expected_pose(direction_of(model, *middle), screen_mm, distance_mm)
-    corners_px = polygon_corners(outline(signal, mask), projected(model, expected.to_camera(facet)))
+    corners_px = _corners(model, outline(signal, mask), projected(model, expected.to_camera(facet)))
     pose, misfit = pose_of_corners(model, facet, corners_px, expected)
     found = float(np.linalg.norm(pose.to_camera(point) - screen_mm))
     return MirrorStart(pose.at_distance(point, screen_mm, distance_mm), corners_px, misfit, found)
+
+
+def _corners(model: CameraModel, edge: FloatArray, expected: FloatArray) -> FloatArray:
+    """Corners [n, 2] (row, column) in the picture; the sides are straight where the lens does not bend them."""
+
+    def straight(places: FloatArray) -> FloatArray:
+        x, y = model.image_point(places[:, 0], places[:, 1])
+        return np.stack([y / model.pitch_mm[1], x / model.pitch_mm[0]], -1)
+
+    y, x = (polygon_corners(straight(edge), straight(expected)) * model.pitch_mm[::-1]).T
+    return np.stack(model.pixel(x, y), -1)
 
 
 def lab_scene(
@@ -166,17 +177,17 @@ def lab_scene(
     the slopes is level at the origin, and moved along the camera's line until the measured distance is right. The
     paraboloid's radius is that of the plane's mean curvature.
     """
-    row, column = np.nonzero(mask)
-    places = u_mm[mask], v_mm[mask]
+    rows_columns, places = np.nonzero(mask), (u_mm[mask], v_mm[mask])
     screen_mm = UPRIGHT @ folder.orientation.screen_mm
     point = point_mm - folder.facet.centre_mm
     pose, curvature = start.pose, np.zeros(3)
     for _ in range(ROUNDS):
         scene = _scene(folder, pose, curvature, name)
         chief = ChiefRays(scene)
-        points = chief.reverse(row, column)[0]
-        slope_x, slope_y = triangulated(chief, *np.moveaxis(points, -1, 0), *places)
-        (x, xx, xy), (y, yx, yy) = (robust_plane(points[:, 0], points[:, 1], s) for s in (slope_x, slope_y))
+        at_x, at_y, at_z = chief.reverse(*rows_columns)[0].T
+        slopes = triangulated(chief, at_x, at_y, at_z, *places)
+        use = np.isfinite(at_z + slopes[0])
+        (x, xx, xy), (y, yx, yy) = (robust_plane(at_x[use], at_y[use], slope[use]) for slope in slopes)
         curvature = np.array([xx, yy, (xy + yx) / 2])
         sag = (point[:2] ** 2 @ curvature[:2]) / 2 + point[0] * point[1] * curvature[2]
         measured = np.array([point[0], point[1], sag])
@@ -184,9 +195,12 @@ def lab_scene(
         if np.hypot(x, y) < TURN_RAD:
             break
     else:
-        raise ValueError("the mirror's normal: no frame fits the slopes; facet, camera and screen contradict each other")
-    turn = np.arccos(np.clip(start.pose.axes[:, 2] @ pose.axes[:, 2], -1, 1))
-    return LabScene(_scene(folder, pose, curvature, name), start, float(turn), *curvature.tolist(), pose)
+        raise ValueError(
+            "the mirror's normal: no frame fits the slopes; facet, camera and screen contradict each other"
+        )
+    turn = float(np.arccos(np.clip(start.pose.axes[:, 2] @ pose.axes[:, 2], -1, 1)))
+    c_xx, c_yy, c_xy = curvature.tolist()
+    return LabScene(_scene(folder, pose, curvature, name), start, turn, c_xx, c_yy, c_xy, pose)
 
 
 def _scene(folder: SofastFolder, pose: MirrorPose, curvature: FloatArray, name: str) -> Scene:

@@ -34,8 +34,8 @@ class MirrorPose:
         return place
 
     def at_distance(self, point_mm: FloatArray, screen_mm: FloatArray, distance_mm: float) -> MirrorPose:
-        """The mirror moved along the line from the camera, until its point [3] has that distance from a point [3] of the
-        camera's frame. Raises ValueError if no such move exists."""
+        """The mirror moved along the line from the camera, until its point [3] has that distance from a point [3] of
+        the camera's frame. Raises ValueError if no such move exists."""
         away = point_mm @ self.axes.T - screen_mm  # + k origin
         along = self.origin_mm
         a, b, c = along @ along, away @ along, away @ away - distance_mm**2
@@ -49,7 +49,7 @@ class MirrorPose:
         return MirrorPose(self.axes, along * steps[np.argmin(np.abs(steps - 1))])
 
     def turned_to(self, normal: FloatArray) -> MirrorPose:
-        """The same place with a new frame about the mirror's origin, whose z is a direction [3] of the present frame."""
+        """The same place with a new frame about the mirror's origin; its z is a direction [3] of the present frame."""
         z = normal / np.linalg.norm(normal)
         axis = np.cross(z, [0.0, 0.0, 1.0])
         sine = np.linalg.norm(axis)
@@ -63,7 +63,8 @@ def direction_of(model: CameraModel, row: float, column: float) -> FloatArray:
     """Unit vector [3] of the camera's frame from which a place in the picture gets its light."""
     x, y = model.image_point(np.array([row]), np.array([column]))
     way = np.array([float(x[0]), float(y[0]), -model.image_distance_mm])
-    return way / np.linalg.norm(way)
+    unit: FloatArray = way / np.linalg.norm(way)
+    return unit
 
 
 def projected(model: CameraModel, points_mm: FloatArray) -> FloatArray:
@@ -82,8 +83,8 @@ def expected_pose(direction: FloatArray, screen_mm: FloatArray, distance_mm: flo
     root = near**2 - screen_mm @ screen_mm + distance_mm**2
     if root < 0 or near + np.sqrt(root) <= 0:
         raise ValueError(
-            f"the distance of {distance_mm:g} mm between mirror and screen: nothing that the camera sees in the mirror's "
-            f"direction has it from the screen, {np.linalg.norm(screen_mm):.5g} mm from the camera"
+            f"the distance of {distance_mm:g} mm between mirror and screen: nothing that the camera sees in the "
+            f"mirror's direction has it from the screen, {np.linalg.norm(screen_mm):.5g} mm from the camera"
         )
     origin = direction * (near + np.sqrt(root))
     to_screen = (screen_mm - origin) / np.linalg.norm(screen_mm - origin)

@@ -58,8 +58,8 @@ def _side(edge: FloatArray, corners: FloatArray, k: int) -> tuple[FloatArray, Fl
     for _ in range(TRIM_ROUNDS):
         if len(points) < MIN_POINTS:
             raise ValueError(
-                f"the mirror's outline: side {k + 1} of {len(corners)} has {len(points)} points of the edge near it; must "
-                f"have {MIN_POINTS}: the facet's corners, its distance or the camera do not fit the picture"
+                f"the mirror's outline: side {k + 1} of {len(corners)} has {len(points)} points of the edge near it; "
+                f"must have {MIN_POINTS}: the facet's corners, its distance or the camera do not fit the picture"
             )
         middle = points.mean(0)
         direction = np.linalg.svd(points - middle, full_matrices=False)[2][0]

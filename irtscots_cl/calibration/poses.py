@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.maths.frame import Frame
+from irtscots_cl.maths.frame import Frame, aim_of
 from irtscots_cl.scene.instrument import Camera, Screen
 
 Device = TypeVar("Device", Screen, Camera)
@@ -56,11 +56,10 @@ def seen_from_moved_mirror(device: Device, shift_mm: ArrayLike, turn_rad: ArrayL
 def _posed(device: Device, axes: FloatArray, position_mm: FloatArray) -> Device:
     """A device with other axes [3, 3] (rows) at another place; it looks as far as before, so its focus stays."""
     distance = float(np.linalg.norm(np.subtract(device.position_mm, device.look_at_mm)))
-    level = Frame.looking(position_mm, position_mm - axes[2] * distance).axes
-    turn_deg = float(np.degrees(np.arctan2(axes[0] @ level[1], axes[0] @ level[0])))
-    place, look_at = _point(position_mm), _point(position_mm - axes[2] * distance)
-    turn: dict[str, Any] = {"clocking_deg" if isinstance(device, Screen) else "roll_deg": turn_deg}
-    return replace(device, position_mm=place, look_at_mm=look_at, **turn)
+    place, look_at, turn_rad = aim_of(Frame(position_mm, axes), distance)
+    key = "clocking_deg" if isinstance(device, Screen) else "roll_deg"
+    turn: dict[str, Any] = {key: float(np.degrees(turn_rad))}
+    return replace(device, position_mm=_point(place), look_at_mm=_point(look_at), **turn)
 
 
 def _turn_deg(device: Screen | Camera) -> float:

@@ -24,7 +24,8 @@ def robust_plane(x: FloatArray, y: FloatArray, values: FloatArray) -> FloatArray
     found = np.zeros(3)
     for _ in range(MAX_ROUNDS):
         root = np.sqrt(weight)
-        before, found = found, np.linalg.lstsq(terms * root[:, None], values * root, rcond=None)[0]
+        before, solution = found, np.linalg.lstsq(terms * root[:, None], values * root, rcond=None)[0]
+        found = solution.astype(float, copy=False)
         left = values - terms @ found
         scatter = float(np.median(np.abs(left - np.median(left)))) / NORMAL
         if scatter <= 1e-14 * max(float(np.abs(values).max()), 1e-300):  # rounding: nothing is an outlier

@@ -27,14 +27,14 @@ def add(commands) -> None:
         type=Path,
         metavar="IMAGES",
         help="HDF5 file with /images/x, /images/y "
-        "[lines, rows, columns] and /lines/x_mm, /lines/y_mm, as `irtscots run` writes it, or a SOFAST fringe measurement",
+        "[lines, rows, columns] and /lines/x_mm, /lines/y_mm, as `irtscots run` writes it, or a SOFAST measurement",
     )
     parser.add_argument(
         "--scene",
         required=True,
         metavar="SCENE",
-        help="preset name or path of a TOML file; only its design is used, no deviation. With a SOFAST measurement also "
-        "the folder of the laboratory's calibration files: camera, display, spatial orientation, facet",
+        help="preset name or path of a TOML file; only its design is used, no deviation. With a SOFAST measurement "
+        "also the folder of the laboratory's calibration files: camera, display, spatial orientation, facet",
     )
     parser.add_argument(
         "--display",
@@ -59,6 +59,13 @@ def add(commands) -> None:
         help="value from which on a sample of the images is saturated and not used; default: the images' own ceiling, "
         "where they show one",
     )
+    parser.add_argument(
+        "--mask",
+        type=Path,
+        metavar="FILE",
+        help="picture (PNG, TIFF), NPY array or HDF5 file with a dataset `mask`, of the images' size and lying as they "
+        "do: pixels where it is 0 are not used",
+    )
     parser.add_argument("--strict", action="store_true", help="refuse doubtful images too, with exit code 2")
     add_measure(parser, default=f"{LAB_MEASURE}, for images with noise and background")
 
@@ -72,7 +79,9 @@ def _execute(options: argparse.Namespace) -> int:
         return _sofast(options)
     for option, given in (("--scene", Path(options.scene).is_dir()), ("--display", options.display is not None)):
         if given:
-            raise ValueError(f"{option}: a folder of calibration files goes with a SOFAST measurement, which IMAGES is not")
+            raise ValueError(
+                f"{option}: a folder of calibration files goes with a SOFAST measurement, which IMAGES is not"
+            )
     return _line_scans(options)
 
 
@@ -100,8 +109,9 @@ def _sofast(options: argparse.Namespace) -> int:
     saturation = options.saturation if math.isfinite(options.saturation) else None
     with made_folder(folder):
         facts = measure_sofast(
-            options.images, setup, folder, strict=options.strict, zernike=options.zernike, saturation=saturation
-        )
+            options.images, setup, folder, strict=options.strict, zernike=options.zernike, saturation=saturation,
+            mask=options.mask
+        )  # fmt: skip
     return _tell(options, facts, folder)
 
 
@@ -120,11 +130,17 @@ def _line_scans(options: argparse.Namespace) -> int:
     check_kind(options.zernike)
     if (folder / "result.h5").resolve() == options.images.resolve():
         raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
-    images = read_images(options.images).saturating_at(options.saturation)
+    images = read_images(options.images, scene).saturating_at(options.saturation)
+    use = None
+    if options.mask is not None:
+        from irtscots_cl.imaging.mask_files import read_mask
+
+        columns, rows = scene.camera.detector.pixels
+        use = read_mask(options.mask, (rows, columns), scene.camera.detector.orientation)
     with made_folder(folder):
         facts = measure(
             images, scene.nominal(), folder, options.threshold, how, strict=options.strict,
-            source=str(options.images), zernike=options.zernike
+            source=str(options.images), zernike=options.zernike, use=use
         )  # fmt: skip
     return _tell(options, facts, folder)
 

@@ -78,7 +78,9 @@ class GroupReader:
         lengths, wanted = ([n for n in sizes if n != 1] for sizes in (data.shape, shape))
         if len(lengths) != len(wanted) or any(a is not None and a != b for a, b in zip(wanted, lengths, strict=True)):
             raise self.problem(name, f"of shape {list(data.shape)}; must be {asked}")
-        values: FloatArray = np.asarray(data[()], float).reshape([1 if n == 1 else -1 if n is None else n for n in shape])
+        values: FloatArray = np.asarray(data[()], float).reshape(
+            [1 if n == 1 else -1 if n is None else n for n in shape]
+        )
         if not np.isfinite(values).all():
             raise self.problem(name, "holds a value that is no finite number")
         return values

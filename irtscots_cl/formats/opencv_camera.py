@@ -1,7 +1,7 @@
 """A camera's calibration by OpenCV, or by a program that uses OpenCV's model: from its files, and as one.
 
-Read are OpenCV's own YAML and JSON, ROS's camera_info, plain YAML or JSON with the same matrices, and SOFAST's HDF5. The
-pixel (0, 0) of the picture is the centre of its top left pixel, x to the right, y down.
+Read are OpenCV's own YAML and JSON, ROS's camera_info, plain YAML or JSON with the same matrices, and SOFAST's HDF5.
+The pixel (0, 0) of the picture is the centre of its top left pixel, x to the right, y down.
 """
 
 from __future__ import annotations
@@ -53,10 +53,14 @@ def read_camera(path: Path) -> OpenCvCamera:
     key, matrix = find(tables, MATRIX)
     if not key:
         known = ", ".join(list(tables)[:8])
-        raise ValueError(f"{path}: has no {MATRIX[0]} (keys: {known or 'none'}); a camera calibration of OpenCV has one")
+        raise ValueError(
+            f"{path}: has no {MATRIX[0]} (keys: {known or 'none'}); a camera calibration of OpenCV has one"
+        )
     lens, coefficients = find(tables, COEFFICIENTS)
     if not lens:
-        raise ValueError(f"{path}: has no {COEFFICIENTS[0]}; must have it, an empty array for a lens without distortion")
+        raise ValueError(
+            f"{path}: has no {COEFFICIENTS[0]}; must have it, an empty array for a lens without distortion"
+        )
     found = [] if coefficients in ([], "") else numbers(coefficients, path, lens)
     name = tables.get("camera_name", "")
     name = name[:MAX_TEXT] if isinstance(name, str) else ""
@@ -109,8 +113,8 @@ def _short(path: Path, key: str, values: list[float]) -> tuple[float, ...]:
     """The coefficients that the model has. Raises ValueError where others are not zero."""
     if len(values) in LONG_COUNTS and any(values[8:]):
         raise ValueError(
-            f"{path}: {key}: {len(values)} coefficients with {LONG_COUNTS[len(values)]} = {values[8:]}, which the model "
-            "does not have; calibrate with at most 8 (without CALIB_THIN_PRISM_MODEL and CALIB_TILTED_MODEL)"
+            f"{path}: {key}: {len(values)} coefficients with {LONG_COUNTS[len(values)]} = {values[8:]}, which the "
+            "model does not have; calibrate with at most 8 (without CALIB_THIN_PRISM_MODEL and CALIB_TILTED_MODEL)"
         )
     values = values[:8] if len(values) in LONG_COUNTS else values
     if len(values) not in COUNTS:
@@ -133,10 +137,10 @@ def _check_model(tables: dict[str, Any], path: Path) -> None:
     model = str(tables.get("distortion_model", "")).lower()
     fisheye = str(tables.get("fisheye_model", "0")).lower() in ("1", "1.0", "true")
     if fisheye or model not in MODELS or "xi" in tables:
-        word = f"distortion_model = {shown(model)}" if model not in MODELS else "xi" if "xi" in tables else "fisheye_model"
+        key = "distortion_model" if model not in MODELS else "xi" if "xi" in tables else "fisheye_model"
         raise ValueError(
-            f"{path}: {word}: a fisheye's or another wide lens's model, which is not known here; must be OpenCV's pinhole "
-            "model with radial and tangential distortion (plumb_bob, rational_polynomial)"
+            f"{path}: {key} = {shown(tables[key])}: a model of fisheyes or other wide lenses, which is not known here; "
+            "must be OpenCV's pinhole model with radial and tangential distortion (plumb_bob, rational_polynomial)"
         )
     for key in ("binning_x", "binning_y"):
         if key in tables and number(tables[key], path, key) > 1:

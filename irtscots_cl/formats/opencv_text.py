@@ -36,7 +36,9 @@ def read_tables(path: Path) -> dict[str, Any]:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: is not UTF-8 text (byte {error.start}); a calibration file is YAML or JSON") from None
+        raise ValueError(
+            f"{path}: is not UTF-8 text (byte {error.start}); a calibration file is YAML or JSON"
+        ) from None
     if text.lstrip().startswith("<"):
         raise ValueError(f"{path}: is XML; must be YAML or JSON, as cv::FileStorage writes for names in .yml or .json")
     tables = _parsed(text, path)

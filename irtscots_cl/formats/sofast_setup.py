@@ -1,11 +1,11 @@
 """A SOFAST laboratory's files (OpenCSP, Sandia National Laboratories): display, spatial orientation, facet; a folder.
 
 Lengths in the files are metres. The camera's frame is OpenCV's: x to the right and y down in the picture, z away from
-the camera. The screen's frame has x and y along the screen and z towards the optic: nearly parallel to the camera's. The
-display file says where the fractions (x, y) of the shown picture lie in the screen's frame, between the points linearly.
-The spatial orientation takes camera coordinates c to screen coordinates s:
+the camera. The screen's frame has x and y along the screen and z towards the optic: nearly parallel to the camera's.
+The display file says where the fractions (x, y) of the shown picture lie in the screen's frame, between the points
+linearly. The spatial orientation takes camera coordinates c to screen coordinates s:
 
-    s = R (c - t)        R: the rotation vector r_cam_screen, t: v_cam_screen_cam, the screen's origin seen by the camera
+    s = R (c - t)      R: the rotation vector r_cam_screen, t: v_cam_screen_cam, the screen's origin seen by the camera
 
 The facet's frame has its z axis out of the optic's front.
 """
@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,8 +36,8 @@ MAX_FILES = 1000  # of a folder
 
 @dataclass(frozen=True)
 class SofastDisplay:
-    """model: of MODELS. size_mm: (x, y) of the fractions from 0 to 1: the file's, or that of a straight line through the
-    points. fractions: [n, 2] and points_mm: [n, 3] in the screen's frame; none of a rectangle."""
+    """model: of MODELS. size_mm: (x, y) of the fractions from 0 to 1: the file's, or that of a straight line through
+    the points. fractions: [n, 2] and points_mm: [n, 3] in the screen's frame; none of a rectangle."""
 
     model: str
     name: str
@@ -131,10 +132,10 @@ def read_sofast_facet(path: Path) -> SofastFacet:
     return SofastFacet(corners, centre[0])
 
 
-def _points(table: dict, path: Path, key: str) -> FloatArray:  # type: ignore[type-arg]
+def _points(table: dict[str, Any], path: Path, key: str) -> FloatArray:
     """Points [n, 3] in mm of a table of x, y, z in metres."""
     axes = table.get(key)
-    rows = [axes.get(axis) for axis in "xyz"] if isinstance(axes, dict) else []
+    rows: list[Any] = [axes.get(axis) for axis in "xyz"] if isinstance(axes, dict) else []
     if not rows or not all(isinstance(row, list) and len(row) == len(rows[0]) <= MAX_CORNERS for row in rows):
         raise ValueError(f"{path}: {key}: must be a table of x, y, z: three arrays of as many numbers, in metres")
     if not all(type(value) in (int, float) and abs(value) < 1e6 for row in rows for value in row):
@@ -151,7 +152,9 @@ def read_sofast_folder(folder: Path, display: Path | None = None) -> SofastFolde
     """
     files = sorted(folder.iterdir()) if folder.is_dir() else []
     if not files or len(files) > MAX_FILES:
-        raise ValueError(f"{folder}: {len(files) or 'no'} files; must be a folder with the files of a SOFAST laboratory")
+        raise ValueError(
+            f"{folder}: {len(files) or 'no'} files; must be a folder with the files of a SOFAST laboratory"
+        )
     groups = {path: groups_of(path) for path in files if path.is_file() and is_hdf5(path)}
     of_kind = {kind: [path for path, names in groups.items() if kind in names]
                for kind in (CAMERA, DISPLAY, ORIENTATION, RESPONSE)}  # fmt: skip

@@ -198,7 +198,9 @@ def _exposed(
             values, saturated = mean_of_frames(noise, pixels, light_e, factors, scan.axis, line, exposure)
             # a saturated sample stays at the limit, where it can be found
             images[exposure, line] = np.where(saturated, values, values - dark)
-    recorded = Scan.from_images(scan.axis, scan.positions_mm, images.reshape(*images.shape[:2], *scan.shape))
+    recorded = Scan.from_images(
+        scan.axis, scan.positions_mm, images.reshape(*images.shape[:2], *scan.shape), scan.line_width
+    )
     return replace(recorded, weights=weights, saturation_w=saturation_dn(noise), unit="DN")
 
 

@@ -8,38 +8,61 @@ import h5py
 import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan, check_shapes
+from irtscots_cl.imaging.orientation import upright
+from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
 from irtscots_cl.system.memory import check_memory
 
 BYTES_PER_VALUE = 32  # of images: memory while a mirror is measured from them
+WIDTH_TOLERANCE = 0.1  # of a line's width: a pitch that was calibrated may differ a little
 VALUES_AT_ONCE = 2**24
 MAX_IMAGE_VALUES = 2**28  # of one scan in an unknown file: 2 GiB in float64
 
 
-def read_images(path: Path) -> ImageStack:
+def read_images(path: Path, scene: Scene | None = None) -> ImageStack:
     """The image stack of an HDF5 file with /images/x, /images/y and /lines/x_mm, /lines/y_mm, as `run` writes it.
 
-    images: [lines, rows, columns] or [exposures, lines, rows, columns]. Raises ValueError, with a message of one
-    line, for a file that cannot be read or does not have this form.
+    images: [lines, rows, columns] or [exposures, lines, rows, columns], which lie in the file as the scene's
+    `camera.detector.orientation` says, and show lines as its [screen.lines] does; the stack is upright. None: upright
+    images of lines that touch. Raises ValueError, with a message of one line, for a file that cannot be read or does
+    not have this form.
     """
     if not path.is_file():
         why = "it is a folder" if path.is_dir() else "there is no file of that name"
         raise ValueError(f"{path}: not a readable HDF5 file: {why}")
     try:
         with h5py.File(path, "r") as file:
-            return ImageStack(*(_read_scan(file, path, axis) for axis in ("x", "y")))
+            return ImageStack(*(_read_scan(file, path, axis, scene) for axis in ("x", "y")))
     except (OSError, RuntimeError, KeyError) as error:  # h5py raises any of them for broken files and endless links
         raise ValueError(f"{path}: not a readable HDF5 file: {str(error.args[0]).splitlines()[0]}") from None
 
 
-def _read_scan(file: h5py.File, path: Path, axis: str) -> Scan:
+def _read_scan(file: h5py.File, path: Path, axis: str, scene: Scene | None) -> Scan:
     images, lines = (_dataset(file, path, name) for name in (f"images/{axis}", f"lines/{axis}_mm"))
     check_memory(f"{path}: /images/{axis}: {images.size} values", images.size * BYTES_PER_VALUE)
     try:
         check_shapes(axis, lines.shape, images.shape)  # before reading any values
-        return Scan.from_images(axis, lines[()], _values(images))
+        values = _values(images)
+        if scene is None:
+            return Scan.from_images(axis, lines[()], values)
+        values = upright(values, scene.camera.detector.orientation)
+        return Scan.from_images(axis, lines[()], values, _line_width(lines, axis, scene))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _line_width(lines: h5py.Dataset, axis: str, scene: Scene) -> float:
+    """Width of the scene's lines over their distance. ValueError if the file has a width that is another's."""
+    pattern = LineScan(scene)
+    own_mm = pattern.line_width * pattern.spacing_mm(axis)
+    told = lines.attrs.get("line_width_mm")
+    if isinstance(told, (int, float, np.number)) and abs(float(told) - own_mm) > WIDTH_TOLERANCE * own_mm:
+        raise ValueError(
+            f"/{lines.name.lstrip('/')}: its lines are {float(told):.6g} mm wide, those of scene {scene.name} "
+            f"{own_mm:.6g} mm; must agree: width_px of [screen.lines] times the pitch"
+        )
+    return pattern.line_width
 
 
 def _values(images: h5py.Dataset) -> np.ndarray:

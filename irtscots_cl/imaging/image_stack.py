@@ -26,7 +26,8 @@ class Scan:
     flux_w: [replicates, n, window] flux; outside its window a pixel is dark. weights: [replicates] share of each
     replicate in the mean (rays, exposures). hits: [n] number of independent random rays in a whole light curve; NaN
     for other samplers and lab images. saturation_w: flux at which the camera's pixels saturate; infinite for a
-    simulation without a detector's limits. unit: of the flux and of saturation_w; "DN" of a recorded scan.
+    simulation without a detector's limits. unit: of the flux and of saturation_w; "DN" of a recorded scan. line_width:
+    of a line over the lines' distance.
     """
 
     axis: str
@@ -39,6 +40,7 @@ class Scan:
     hits: FloatArray = field(repr=False)
     saturation_w: float = math.inf
     unit: str = "W"
+    line_width: float = 1.0
 
     @property
     def lines(self) -> IntArray:
@@ -94,8 +96,8 @@ class Scan:
         return replace(self, flux_w=self.flux_w[one], weights=self.weights[one], hits=self.hits * share)
 
     @classmethod
-    def from_images(cls, axis: str, positions_mm: FloatArray, images_w: FloatArray) -> Scan:
-        """A scan from whole images [lines, rows, columns] or [exposures, lines, rows, columns].
+    def from_images(cls, axis: str, positions_mm: FloatArray, images_w: FloatArray, line_width: float = 1.0) -> Scan:
+        """A scan from whole images [lines, rows, columns] or [exposures, lines, rows, columns], upright.
 
         A value that is not a number (NaN) marks a sample as missing. Raises ValueError for other shapes, for positions
         that do not match or increase, or for infinite values.
@@ -125,6 +127,7 @@ class Scan:
             images.reshape(*images.shape[:2], count).transpose(0, 2, 1),
             np.ones(len(images)),
             np.full(count, np.nan),
+            line_width=line_width,
         )
 
 
@@ -141,14 +144,25 @@ def check_shapes(axis: str, positions: tuple[int, ...], images: tuple[int, ...])
 
 @dataclass(frozen=True)
 class ImageStack:
-    """The two scans of a measurement."""
+    """The two scans of a measurement. use: [rows, columns] detector pixels that may be used; None: all."""
 
     x: Scan
     y: Scan
+    use: BoolArray | None = field(default=None, repr=False)
 
     def replicate(self, number: int) -> ImageStack:
         """The images of one replicate."""
-        return ImageStack(self.x.replicate(number), self.y.replicate(number))
+        return replace(self, x=self.x.replicate(number), y=self.y.replicate(number))
+
+    def masked(self, use: BoolArray) -> ImageStack:
+        """The images of the pixels [rows, columns] that are to be used alone.
+
+        Raises ValueError for a mask of another shape.
+        """
+        if use.shape != self.x.shape:
+            raise ValueError(f"a mask of {use.shape} (rows, columns) does not fit images of {self.x.shape}")
+        x, y = (scan.part(use.ravel()[scan.pixels]) for scan in (self.x, self.y))
+        return ImageStack(x, y, use if self.use is None else use & self.use)
 
     def saturating_at(self, saturation_w: float) -> ImageStack:
         """The same images, for a camera whose pixels saturate at saturation_w, in the images' own unit.
@@ -157,4 +171,5 @@ class ImageStack:
         """
         if not saturation_w > 0:
             raise ValueError(f"--saturation = {saturation_w}: must be above 0")
-        return ImageStack(*(replace(scan, saturation_w=saturation_w) for scan in (self.x, self.y)))
+        x, y = (replace(scan, saturation_w=saturation_w) for scan in (self.x, self.y))
+        return replace(self, x=x, y=y)

@@ -36,7 +36,8 @@ def check_recording(scene: Scene, replicates: int) -> None:
     line_scan(scene)
     noise, (columns, rows) = scene.camera.detector.noise, scene.camera.detector.pixels
     if noise is not None and not noise.is_off:
-        check_recording_memory(noise, sum(scene.screen.pixels), (rows, columns))
+        lines = sum(len(LineScan(scene).positions_mm(axis)) for axis in "xy")
+        check_recording_memory(noise, lines, (rows, columns))
         check_exposures(noise, replicates)
         pixel_properties(noise, (rows, columns))
 

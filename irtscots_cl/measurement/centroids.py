@@ -25,12 +25,15 @@ def poisson_error(scan: Scan, curves_w: FloatArray) -> FloatArray:
     """Standard error [n] in mm of the centroids of curves_w [n, window] from counting statistics.
 
     It is the curve's standard deviation divided by the root of its number of rays. NaN if that number is unknown or 1.
+    A ray that lands where lines overlap lights several, whose own spread about it is no noise.
     """
     offset = _offsets(scan)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = curves_w / curves_w.sum(-1, keepdims=True)
         mean = (share * offset).sum(-1)
         variance = (share * offset**2).sum(-1) - mean**2
+        if scan.line_width > 1.0:
+            variance = variance - (scan.line_width**2 - 1) / 12 * np.diff(scan.positions_mm).mean() ** 2
         # one ray (weighted, so not exactly 1) has no spread
         return np.where(scan.hits > 1.5, np.sqrt(variance / scan.hits), np.nan)
 

@@ -122,7 +122,7 @@ def fit_profiles(
         place[moving] += step
         with np.errstate(invalid="ignore"):
             moving = moving[np.abs(step) > NEAR * profiles.pitch]
-    return _fits(windows, noise, gain, place, share, by_place, solved), inverse
+    return _fits(windows, noise, gain, place, share, by_place, solved, profiles.line_width), inverse
 
 
 def _chunks(index: IntArray) -> Iterator[IntArray]:
@@ -254,6 +254,7 @@ def _fits(
     share: FloatArray,
     by_place: FloatArray,
     solved: FloatArray,
+    line_width: float,
 ) -> CurveFits:
     flux, _, level, slope = solved.T
     light = np.where(windows.allowed, flux[:, None] * share * gain, 0.0)
@@ -262,9 +263,9 @@ def _fits(
     residual = np.where(windows.allowed, windows.samples - light - moved - background, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         chi_square = (residual**2 * noise.weight(light)).sum(1)
-    # a fit that has left the samples fits noise
-    found = np.isfinite(place) & (flux > 0) & (share.sum(1) >= COVERED)
-    found &= (share * windows.allowed).sum(1) >= SEEN
+    # a fit that has left the samples fits noise; the shares of all lines add up to line_width
+    found = np.isfinite(place) & (flux > 0) & (share.sum(1) >= COVERED * line_width)
+    found &= (share * windows.allowed).sum(1) >= SEEN * line_width
     light, by_place = np.where(found[:, None], light, 0.0), np.where(found[:, None], by_place, 0.0)
     residual = np.where(found[:, None], residual, 0.0)
     return CurveFits(
@@ -297,7 +298,8 @@ def relinearised(
 def centroid_fits(
     windows: CurveWindows, noise: SampleNoise, gain: FloatArray, scan: Scan, tilted: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Centroids [n] in mm of the signed samples in the windows, their standard errors, and the flux [n].
+    """Centroids [n] in mm of the signed samples in the windows, their standard errors, and the flux [n] of
+    the light, which falls on line_width lines in the mean.
 
     The background comes from the samples outside alone. A curve that misses a sample in its window gets NaN: its
     centroid would be wrong.
@@ -319,7 +321,7 @@ def centroid_fits(
     # of a flux that is nearly zero neither is finite
     found = (flux > 0) & np.isfinite(place) & np.isfinite(variance) & ~_missing(windows)
     error = np.sqrt(np.where(found, variance, np.nan))
-    return np.where(found, place, np.nan), error, np.where(found, flux, np.nan)
+    return np.where(found, place, np.nan), error, np.where(found, flux / scan.line_width, np.nan)
 
 
 def _missing(windows: CurveWindows) -> BoolArray:

@@ -11,6 +11,7 @@ import numpy as np
 from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.curve_windows import line_pitch
+from irtscots_cl.measurement.line_edges import line_edges, on_lines
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.system import interruption
 
@@ -28,7 +29,7 @@ class Profiles:
 
     def __init__(self, scan: Scan, light: PixelLight):
         output = "uv"["xy".index(scan.axis)]
-        self.pitch, self.origin = line_pitch(scan), float(scan.positions_mm[0])
+        self.pitch, self.origin, self.line_width = line_pitch(scan), float(scan.positions_mm[0]), scan.line_width
         index = np.full(scan.shape[0] * scan.shape[1], -1)
         index[light.pixels] = np.arange(len(light.pixels))
         index = index[scan.pixels]
@@ -38,7 +39,8 @@ class Profiles:
         self.known = (index >= 0) & usable[index]
         chosen = index[self.known]
         reach = float((half + np.abs(middle - centre))[chosen].max(initial=self.pitch)) * BEYOND / self.pitch
-        steps = int(np.clip(np.ceil(STEPS / (2 * reach)), 1, 4))  # per line: wide profiles are smooth
+        # per line: wide profiles are smooth
+        steps = int(np.clip(np.ceil(STEPS / (2 * reach)), 1, 4 if self.line_width == 1.0 else STEPS))
         count = int(np.ceil(reach * steps)) + 1
         self.steps, self.before = steps, count
         grid = np.arange(-count, count + 1) * self.pitch / steps
@@ -61,14 +63,15 @@ class Profiles:
     def exact_shares(self, first: IntArray, width: int, place_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """As `shares`, of all n pixels, without the table; nothing for pixels that are not known."""
         count, known = len(self.light.pixels), self.known & np.isfinite(place_mm)
-        edges = np.zeros((count, width + 1))
-        own = self.origin + self.pitch * (first[known, None] + np.arange(width + 1) - 0.5)
+        own = self.origin + self.pitch * line_edges(first[known], width, self.line_width)
+        edges = np.zeros((count, own.shape[1]))
         edges[self.index[known]] = own - (place_mm[known] - self.centre[self.index[known]])[:, None]
         step = STEP * self.pitch
         # one call: its column at the joint is of no line
         both = self.light.light(self.output, np.concatenate([edges + step, edges - step], axis=1)) / self.total[:, None]
         before, after = (np.zeros((len(first), width)) for _ in range(2))
-        before[known], after[known] = both[self.index[known], :width], both[self.index[known], width + 1 :]
+        columns = both[self.index[known], : own.shape[1] - 1], both[self.index[known], own.shape[1] :]
+        before[known], after[known] = (on_lines(part, self.line_width) for part in columns)
         return (before + after) / 2, (after - before) / (2 * step)
 
     def shares(
@@ -77,10 +80,22 @@ class Profiles:
         """Shares [m, width] on lines from first [m] on, of pixels chosen [m] whose light's centroid is at place_mm [m],
         and their derivative by place [1/mm]; all pixels must be known."""
         interruption.check()
-        start = ((self.origin - place_mm) / self.pitch + first - 0.5) * self.steps + self.before
+        start = ((self.origin - place_mm) / self.pitch + first - self.line_width / 2) * self.steps + self.before
+        if self.line_width == 1.0:
+            edges, slopes = self._below(chosen, start, width + 1)
+            share, slope = np.diff(edges, axis=1), np.diff(slopes, axis=1)
+        else:
+            low, by_low = self._below(chosen, start, width)
+            high, by_high = self._below(chosen, start + self.line_width * self.steps, width)
+            share, slope = high - low, by_high - by_low
+        # a place further up moves the profile up: its edges move down in the table
+        return share, slope * (-self.steps / self.pitch)
+
+    def _below(self, chosen: IntArray, start: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+        """The light [m, count] below edges a line apart from place `start` [m] of the table on, and its slope there."""
         whole = np.floor(start).astype(np.int64)
         fraction = start - whole
-        at = whole[:, None] + self.steps * np.arange(width + 1)
+        at = whole[:, None] + self.steps * np.arange(count)
         last = self.below.shape[1] - 1
         row = self.row[chosen, None]
         edges, slopes = np.zeros(at.shape), np.zeros(at.shape)
@@ -88,8 +103,7 @@ class Profiles:
             value = self.below[row, np.clip(at + k - 1, 0, last)]
             edges += weight[:, None] * value
             slopes += slope[:, None] * value
-        # a place further up moves the profile up: its edges move down in the table
-        return np.diff(edges, axis=1), np.diff(slopes, axis=1) * (-self.steps / self.pitch)
+        return edges, slopes
 
 
 def _cubic(t: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:

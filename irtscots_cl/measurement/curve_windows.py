@@ -86,6 +86,7 @@ def find_light(scan: Scan, curves: FloatArray, reach_mm: FloatArray, usable: Boo
     """
     reach = np.nan_to_num(reach_mm / line_pitch(scan), nan=1.0, posinf=1.0)
     typical = float(np.median(reach[reach > 0])) if (reach > 0).any() else 1.0
+    typical += (scan.line_width - 1) / 2  # wide lines widen the curves
     box = min(light_box(typical), curves.shape[1])
     on_scan = _recorded(scan, curves, usable)
     values = np.where(on_scan, curves, 0.0)
@@ -111,8 +112,9 @@ def place_windows(
     widest_mm: largest reach of all curves of the scan, so that the windows of each part are equally wide. A simulated
     scan stores few lines of each curve: all other lines are recorded, and dark.
     """
-    half = np.nan_to_num(reach_mm / line_pitch(scan), nan=1.0, posinf=1.0) + 0.5 + MARGIN
-    width = 2 * int(np.ceil(widest_mm / line_pitch(scan) + 0.5 + MARGIN)) + 1
+    half_line = scan.line_width / 2
+    half = np.nan_to_num(reach_mm / line_pitch(scan), nan=1.0, posinf=1.0) + half_line + MARGIN
+    width = 2 * int(np.ceil(widest_mm / line_pitch(scan) + half_line + MARGIN)) + 1
     centre = np.rint(np.nan_to_num(place)).astype(np.int64)
     first = centre - width // 2
     lines = first[:, None] + np.arange(width)

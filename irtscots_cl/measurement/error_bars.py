@@ -66,7 +66,7 @@ def error_bars(result: Reconstruction, seed: int = 0) -> ErrorBars | None:
 
 
 def _place_errors(result: Reconstruction) -> list[FloatArray] | None:
-    """Standard errors [rows, columns] in mm of the places u and v on the screen, 0 outside the mask; None if unknown."""
+    """Standard errors [rows, columns] in mm of the places u, v on the screen, 0 outside the mask; None if unknown."""
     mask = result.mask
     if result.place_errors_mm is not None:
         return [np.where(mask, error, 0.0) for error in result.place_errors_mm]

@@ -21,20 +21,25 @@ from irtscots_cl.measurement.harmonics import (
     error_gain,
     gamma_harmonics,
     gamma_of,
+    harmonics_of,
     residual_square,
     second_harmonic,
+    without_harmonics,
 )
 from irtscots_cl.measurement.phase import FrameNoise, SinusoidFit, fit_sinusoid
 from irtscots_cl.measurement.phase_steps import find_steps
 from irtscots_cl.measurement.unwrapping import Prior, phase_floor, unwrap
 
 SAMPLE = 8000  # pixels
-STEP_SAMPLE = 4000  # of them, for the search of steps
+STEP_SAMPLE = 1000  # of them, for the search of steps
+HARMONIC_ROUNDS = 6  # of finding steps and harmonics in turn
+SETTLED_RAD = 1e-4  # of the steps, where that ends
 MIN_RATIO = 0.002  # second harmonic over the first: below, what the others do to a phase is under 1 mrad
 BETTER = 0.5  # residual of other steps over that of the nominal ones: the steps are wrong
 AGREE = 0.1  # relative: second harmonics of a table and of the images that are called the same
 CLEARLY = 0.1  # misfit over that of the other direction: the direction is found
 MAX_FLOOR_RAD = 0.2  # beyond, the orders of the fringes are in doubt
+DOUBTFUL, MANY = 0.01, 0.01  # probability of wrong orders; share of the pixels beyond it
 ROUNDING = 1 / 12  # variance of whole numbers
 
 NO_NOISE = (
@@ -43,6 +48,10 @@ NO_NOISE = (
 DISAGREE = (
     "the phases of the series differ by {:.2f} rad beyond their noise; a number of periods may be wrong, or beyond "
     "what the blur lets through"
+)
+AMBIGUOUS = (
+    "{:.0%} of the pixels fit several places on the screen; must have a series below one period, or a prior such as a "
+    "design's"
 )
 BACKWARDS = "the steps ran backwards: the phases of the series agree {:.0f} times better that way, which is used"
 
@@ -91,6 +100,10 @@ def survey(
     second = tuple(second_harmonic(v, f) for v, f in zip(samples, fits, strict=True))
     harmonics, found = _harmonics_of(fringes, fits, second, response)
     notes += found
+    fits = [
+        fit if ratios is None else without_harmonics(values, fit, ratios)
+        for values, fit, ratios in zip(samples, fits, harmonics, strict=True)
+    ]
     if noise is None:
         noise = _noise_of(samples, fits, harmonics, second)
         if noise is None:
@@ -102,6 +115,9 @@ def survey(
     floor = phase_floor(sign * phases, errors, fringes.periods, prior)
     if floor > MAX_FLOOR_RAD:
         notes.append(f"{fringes.axis} fringes: {DISAGREE.format(floor)}")
+    doubtful = unwrap(sign * phases, np.hypot(errors, floor), fringes.periods, prior).wrong > DOUBTFUL
+    if floor <= MAX_FLOOR_RAD and doubtful.mean() > MANY:
+        notes.append(f"{fringes.axis} fringes: {AMBIGUOUS.format(doubtful.mean())}")
     return Survey(
         tuple(steps),
         sign,
@@ -127,8 +143,10 @@ def phases_of(
     for fit, of_steps, ratios in zip(fits, steps, harmonics, strict=True):
         found, error = fit.phase_rad, fit.phase_error_rad(noise or FrameNoise(0.0))
         if ratios is not None:
-            error = error * error_gain(found, of_steps, ratios)
-            found = correct_phase(found, of_steps, ratios)
+            # pixels that lack samples have been fitted without the harmonics
+            whole = fit.samples == len(of_steps)
+            error = np.where(whole, error * error_gain(found, of_steps, ratios), error)
+            found = np.where(whole, correct_phase(found, of_steps, ratios), found)
         phases.append(sign * found)
         errors.append(error)
     return np.stack(phases), np.stack(errors)
@@ -141,12 +159,19 @@ def _steps_of(
 
     Other steps count only where they explain the samples much better than a second harmonic does.
     """
-    whole = np.flatnonzero((values < saturation).all(0))
-    some = values[:, whole[:: max(1, len(whole) // STEP_SAMPLE)]]
-    found = find_steps(some, said)
+    some = values[:, :: max(1, values.shape[1] // STEP_SAMPLE)]
+    found = find_steps(some, said, saturation)
+    for _ in range(HARMONIC_ROUNDS):
+        if found is None or not found.wrong.size:
+            return said, []
+        # a second harmonic looks like other steps, and other steps like a second harmonic
+        last, first = found, _first_alone(some, found.found_rad, saturation)
+        found = find_steps(first, said, saturation, last.found_rad)
+        if found is None or np.abs(found.found_rad - last.found_rad).max() < SETTLED_RAD:
+            break
     if found is None or not found.wrong.size:
         return said, []
-    if not _left(some, found.found_rad) < BETTER * _left(some, said):
+    if not _left(some, found.found_rad, saturation) < BETTER * _left(some, said, saturation):
         return said, []
     worst = int(np.argmax(np.abs(found.difference_rad)))
     mean = np.diff(found.found_rad).mean()
@@ -157,12 +182,29 @@ def _steps_of(
     ]
 
 
-def _left(values: NDArray[Any], steps: FloatArray) -> float:
-    """Median squared residual of fits with these steps and a screen's gamma."""
-    fit = fit_sinusoid(values, steps)
+def _first_alone(values: NDArray[Any], steps: FloatArray, saturation: float) -> NDArray[Any]:
+    """Samples without the harmonics of a screen's gamma, as far as the fits with these steps show them."""
+    fit = fit_sinusoid(values, steps, saturation)
     seen = second_harmonic(values, fit)
-    square = fit.square if np.isnan(seen.ratio) else residual_square(values, fit, gamma_harmonics(gamma_of(seen.ratio)))
-    return float(np.median(square))
+    if not seen.is_seen:
+        return values
+    ratios = gamma_harmonics(gamma_of(seen.ratio))
+    fit = without_harmonics(values, fit, ratios)
+    higher = harmonics_of(fit, ratios)
+    cut = ~(np.asarray(values, float) < saturation)
+    return np.where(cut, np.nan, values - higher)
+
+
+def _left(values: NDArray[Any], steps: FloatArray, saturation: float) -> float:
+    """Median squared residual of fits with these steps and a screen's gamma."""
+    fit = fit_sinusoid(values, steps, saturation)
+    seen = second_harmonic(values, fit)
+    if seen.is_seen:
+        ratios = gamma_harmonics(gamma_of(seen.ratio))
+        whole = fit.samples == len(steps)
+        fit = without_harmonics(values, fit, ratios)
+        return float(np.nanmedian(np.where(whole, residual_square(values, fit, ratios), fit.square)))
+    return float(np.nanmedian(fit.square))
 
 
 def _harmonics_of(
@@ -217,7 +259,7 @@ def _noise_of(
         if np.isfinite(own.ratio):
             there = np.zeros(4) if ratios is None else ratios.copy()
             there[2] = own.ratio
-            left = residual_square(values, fit, there)
+            left = np.where(fit.samples == len(fit.steps_rad), residual_square(values, fit, there), left)
         square.append(left)
         freedom.append(fit.freedom.astype(float))
         signal.append(fit.offset)

@@ -9,20 +9,25 @@ can be seen, and the second harmonic moves the phase.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.measurement.phase import SinusoidFit
+from irtscots_cl.measurement.phase import SinusoidFit, fit_sinusoid, used_samples
 
 HIGHEST = 9  # harmonic that is counted: the next is below 1e-4 of the first for any screen's gamma
 ROUNDS = 10  # of finding gamma at most
 TABLE = 8192  # phases that the correction is tabulated at
 GAMMAS = (0.05, 20.0)
+RATIOS = (-0.3, 0.7)  # of the second harmonic over the first, that are looked for
+MIN_COMPLETE = 200  # pixels
+SAMPLE = 200  # of the pixels that lack samples, where the others are fewer
+REFITS = 60  # at most, of pixels that lack samples
+SETTLED_RAD = 1e-5
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,7 @@ class SecondHarmonic:
 
     @property
     def gamma(self) -> float:
-        return (1 + 2 * self.ratio) / (1 - self.ratio) if self.ratio < 1 else np.inf
+        return np.nan if np.isnan(self.ratio) else gamma_of(self.ratio)
 
     @property
     def gamma_error(self) -> float:
@@ -79,6 +84,8 @@ def second_harmonic(samples: NDArray[Any], fit: SinusoidFit) -> SecondHarmonic:
     """
     steps = fit.steps_rad
     whole = np.isfinite(fit.square) & (fit.samples == len(steps))
+    if np.count_nonzero(whole) < MIN_COMPLETE:
+        return _of_incomplete(samples, fit)
     basis = np.stack([np.ones_like(steps), np.cos(steps), np.sin(steps)], -1)
     rest = np.eye(len(steps)) - basis @ np.linalg.pinv(basis)  # what a fit leaves of samples
     left = rest @ np.asarray(samples[:, whole], float)
@@ -101,6 +108,55 @@ def second_harmonic(samples: NDArray[Any], fit: SinusoidFit) -> SecondHarmonic:
     return found
 
 
+def _of_incomplete(samples: NDArray[Any], fit: SinusoidFit) -> SecondHarmonic:
+    """The second harmonic where samples are missing in nearly all pixels: the one that leaves the least residuals."""
+    useful = fit.incomplete[(fit.freedom[fit.incomplete] >= 2) & np.isfinite(fit.square[fit.incomplete])]
+    some = useful[:: max(1, len(useful) // SAMPLE)]
+    if len(some) < SAMPLE // 2:
+        return SecondHarmonic(np.nan, np.nan)
+    values = np.array(samples[:, some], float)
+    own = fit_sinusoid(values, fit.steps_rad, fit.saturation)
+
+    def left(ratio: float) -> float:
+        return float(np.nansum(without_harmonics(values, own, gamma_harmonics(gamma_of(ratio))).square))
+
+    best = minimize_scalar(left, bounds=RATIOS, method="bounded", options={"xatol": 1e-4})
+    step = 0.01
+    curvature = (left(best.x + step) - 2 * best.fun + left(best.x - step)) / step**2
+    variance = best.fun / max(int(own.freedom.sum()) - 1, 1)
+    return SecondHarmonic(float(best.x), float(np.sqrt(2 * variance / curvature)) if curvature > 0 else np.nan)
+
+
+def without_harmonics(samples: NDArray[Any], fit: SinusoidFit, ratios: FloatArray) -> SinusoidFit:
+    """The fits with these harmonics taken out of the samples [N, n] of pixels that lack some.
+
+    With some samples gone all harmonics move the phase, each pixel's in its own way: fits and harmonics in turn.
+    Complete pixels stay as they are: correct_phase does the same for them at once.
+    """
+    if not fit.incomplete.size:
+        return fit
+    where, steps = fit.incomplete, fit.steps_rad
+    basis = np.stack([np.ones_like(steps), np.cos(steps), np.sin(steps)], -1)
+    used = used_samples(samples[:, where], fit)
+    values = np.where(used, samples[:, where], 0.0)
+    found = np.stack([fit.offset[where], fit.cosine[where], fit.sine[where]])
+    clean = values
+    for _ in range(REFITS):
+        phase = np.arctan2(found[2], found[1])
+        angle = phase - steps[:, None]
+        higher = np.hypot(found[1], found[2]) * (ratios[2] * np.cos(2 * angle) + _higher(phase, steps, ratios))
+        clean = np.where(used, values - higher, 0.0)
+        found = np.einsum("kab,bk->ak", fit.inverse, basis.T @ clean)
+        if not np.nanmax(np.abs(wrapped(np.arctan2(found[2], found[1]) - phase)), initial=0.0) > SETTLED_RAD:
+            break
+    square = np.square(np.where(used, clean - basis @ found, 0.0)).sum(0)
+    parts = {}
+    for name, own in zip(("offset", "cosine", "sine", "square"), (*found, square), strict=True):
+        parts[name] = getattr(fit, name).copy()
+        parts[name][where] = own
+    return replace(fit, **parts)
+
+
 def residual_square(samples: NDArray[Any], fit: SinusoidFit, ratios: FloatArray) -> FloatArray:
     """Sums [n] of squared residuals without what these harmonics put there; of complete fits, NaN of the others.
 
@@ -118,6 +174,16 @@ def residual_square(samples: NDArray[Any], fit: SinusoidFit, ratios: FloatArray)
     square = np.square(rest @ np.asarray(samples, float) - amplitude * model).sum(0)
     added = 2 / len(steps) * (np.square(model) + np.square(turned)).sum(0)
     return np.where(fit.samples == len(steps), square * fit.freedom / (fit.freedom + added), np.nan)
+
+
+def harmonics_of(fit: SinusoidFit, ratios: FloatArray) -> FloatArray:
+    """What the harmonics from the second on add to the samples [N, n] of fits, of those of without_harmonics."""
+    steps = fit.steps_rad
+    whole = fit.samples == len(steps)
+    phase = np.where(whole, correct_phase(fit.phase_rad, steps, ratios), fit.phase_rad)
+    amplitude = fit.amplitude / np.where(whole, first_harmonic_gain(phase, steps, ratios), 1.0)
+    total: FloatArray = amplitude * (ratios[2] * np.cos(2 * (phase - steps[:, None])) + _higher(phase, steps, ratios))
+    return total
 
 
 def _higher(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:

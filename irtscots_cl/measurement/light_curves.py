@@ -43,6 +43,15 @@ def positions(scan: Scan) -> FloatArray:
     return scan.positions_mm[np.minimum(scan.lines, len(scan.positions_mm) - 1)]
 
 
+def whole_range(scan: Scan, pitch: float) -> tuple[float, float]:
+    """Ends in mm of the part of the screen whose light falls on as many lines as if the scan went on without end.
+
+    pitch: distance of the lines. Where they touch, these are the outer edges of the first and the last.
+    """
+    margin = pitch * (1 - scan.line_width / 2)
+    return float(scan.positions_mm[0]) - margin, float(scan.positions_mm[-1]) + margin
+
+
 def flag_curves(scan: Scan, curves_w: FloatArray, centroid_mm: FloatArray, reach_mm: FloatArray) -> IntArray:
     """A Flag [n] for each light curve curves_w [n, window] of the scan.
 
@@ -52,12 +61,13 @@ def flag_curves(scan: Scan, curves_w: FloatArray, centroid_mm: FloatArray, reach
     centroid no more than the sampling by lines does.
     """
     pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else 0.0  # one line clips every curve
-    first, last = scan.positions_mm[0] - pitch / 2, scan.positions_mm[-1] + pitch / 2
+    first, last = whole_range(scan, pitch)
     lit = curves_w > 0
     lit_edge = (lit & ((scan.lines == 0) | (scan.lines == len(scan.positions_mm) - 1))).any(-1)
     beyond = np.maximum(first - (centroid_mm - reach_mm), centroid_mm + reach_mm - last)
     distance = np.abs(positions(scan) - centroid_mm[:, None])
-    stray = np.where(distance > reach_mm[:, None] + pitch, np.maximum(curves_w, 0.0), 0.0).sum(-1)
+    reached = reach_mm[:, None] + pitch * (1 + scan.line_width) / 2
+    stray = np.where(distance > reached, np.maximum(curves_w, 0.0), 0.0).sum(-1)
     flags = np.where(stray > STRAY_SHARE * np.maximum(curves_w, 0.0).sum(-1), Flag.STRAY, Flag.GOOD)
     tolerance = np.where(lit_edge, EDGE_TOLERANCE, DARK_EDGE_TOLERANCE) * pitch
     flags = np.where(beyond > tolerance, Flag.CLIPPED, flags)

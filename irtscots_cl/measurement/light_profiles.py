@@ -13,22 +13,29 @@ import numpy as np
 from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.light_curves import effective_screen_pixels
+from irtscots_cl.measurement.line_edges import line_edges, on_lines
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.pixel.response import PixelResponse
 
 Light = PixelLight | PixelResponse
 ROUNDS = 4  # of moving the profile: each reduces the error to a few percent
+ROUNDS_APART = 12  # of lines with gaps or overlaps, whose sampling error depends more on the place
 CONVERGED = 1e-6  # mm: 1e-4 urad in the paper's test
 
 
 def sampling_error(
-    positions_mm: FloatArray, light: Light, output: str, centre_mm: FloatArray, threshold: float = 0.0
+    positions_mm: FloatArray,
+    light: Light,
+    output: str,
+    centre_mm: FloatArray,
+    threshold: float = 0.0,
+    line_width: float = 1.0,
 ) -> FloatArray:
     """Centroid of noise-free light curves minus that of the light: [n] mm, NaN where the model does not hold.
 
     The light of the n pixels of `light` along output, "u" or "v", is moved so that its centroids are at centre_mm [n].
     It is sampled by lines at positions_mm [lines], and by more lines beyond them if it extends past them.
-    threshold: see effective_screen_pixels.
+    threshold: see effective_screen_pixels. line_width: of a line over the lines' distance.
     """
     screen = light.chief.scene.screen
     pitch = np.diff(positions_mm).mean() if len(positions_mm) > 1 else screen.pitch_xy_mm["uv".index(output)]
@@ -36,11 +43,11 @@ def sampling_error(
     reach = light.extent(output)[1][np.isfinite(moved)]
     if reach.size == 0:
         return moved
-    count = 2 * int(np.ceil(reach.max() / pitch)) + 3
+    count = 2 * int(np.ceil(reach.max() / pitch + max(line_width - 1.0, 0.0) / 2)) + 3
     first = np.rint((centre_mm - positions_mm[0]) / pitch) - count // 2
     lines = positions_mm[0] + pitch * (first[:, None] + np.arange(count))
-    edges = positions_mm[0] + pitch * (first[:, None] + np.arange(count + 1) - 0.5)
-    flux = light.light(output, edges - moved[:, None])
+    edges = positions_mm[0] + pitch * line_edges(first, count, line_width)
+    flux = on_lines(light.light(output, edges - moved[:, None]), line_width)
     flux = np.where(effective_screen_pixels(flux, threshold), flux, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         error: FloatArray = (flux * (lines - centre_mm[:, None])).sum(1) / flux.sum(1)
@@ -56,8 +63,9 @@ def profile_centroids(scan: Scan, light: Light, centroid_mm: FloatArray, thresho
     measured = np.full(len(light.pixels), np.nan)
     measured[index] = centroid_mm[known]
     centre = measured
-    for _ in range(ROUNDS):
-        before, centre = centre, measured - sampling_error(scan.positions_mm, light, output, centre, threshold)
+    for _ in range(ROUNDS if scan.line_width == 1.0 else ROUNDS_APART):
+        error = sampling_error(scan.positions_mm, light, output, centre, threshold, scan.line_width)
+        before, centre = centre, measured - error
         if not np.any(np.abs(centre - before) > CONVERGED):
             break
     result = np.array(centroid_mm, float)
@@ -70,7 +78,8 @@ def sampled_centroids(scan: Scan, light: Light, threshold: float = 0.0) -> Float
     known, index, output = _common(scan, light)
     centre = light.means(output)[0]
     result = np.full(len(scan.pixels), np.nan)
-    result[known] = (centre + sampling_error(scan.positions_mm, light, output, centre, threshold))[index]
+    error = sampling_error(scan.positions_mm, light, output, centre, threshold, scan.line_width)
+    result[known] = (centre + error)[index]
     return result
 
 

@@ -11,9 +11,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
+from irtscots_cl.imaging.orientation import TRANSPOSED
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.scene.camera_intrinsics import picture_size
+from irtscots_cl.scene.instrument import ORIENTATIONS, Camera
 from irtscots_cl.scene.model import Scene
 
 MAX_OFFSET = 0.5  # of the screen's pitch: from there on a line is another of the screen's lines
@@ -33,7 +36,7 @@ def check_line_positions(scan: Scan, scene: Scene) -> None:
 def line_position_problem(scan: Scan, scene: Scene) -> str:
     """What is wrong with a scan's line positions, in one line; "" if they are the screen's."""
     found, lines = scan.positions_mm, LineScan(scene).positions_mm(scan.axis)
-    pitch = scene.screen.pitch_xy_mm["xy".index(scan.axis)]
+    pitch = LineScan(scene).spacing_mm(scan.axis)
     if _fits(found, lines, pitch):
         return ""
     cause = next((name for name, corrected in _corrections(found, lines) if _fits(corrected, lines, pitch)), "")
@@ -72,14 +75,51 @@ def _words(positions: FloatArray) -> str:
 def check_fits(stack: ImageStack, chief: ChiefRays) -> None:
     """Raise ValueError if the images do not match the scene's detector and the lines of its screen."""
     nominal = chief.scene
+    pattern = LineScan(nominal)
     if stack.x.shape != chief.shape or stack.y.shape != chief.shape:
+        hint = _remedy(stack.x.shape, nominal.camera) if stack.x.shape == stack.y.shape else ""
         raise ValueError(
             f"scene {nominal.name}: images of {stack.x.shape} and {stack.y.shape} (rows, columns) do not fit; "
-            f"must be of the scene's detector, {chief.shape}"
+            f"must be of the scene's detector, {chief.shape}{hint}"
         )
-    for scan, lines in zip((stack.x, stack.y), nominal.screen.pixels, strict=True):
+    for scan in (stack.x, stack.y):
+        lines = len(pattern.positions_mm(scan.axis))
         if len(scan.positions_mm) != lines:
+            of_table = " by [screen.lines]" if nominal.screen.lines is not None else ""
             raise ValueError(
-                f"{len(scan.positions_mm)} images in the {scan.axis} scan, but the scene's screen has {lines} lines"
+                f"{len(scan.positions_mm)} images in the {scan.axis} scan, but the scene's screen has {lines} "
+                f"lines{of_table}"
             )
         check_line_positions(scan, nominal)
+        if abs(scan.line_width - pattern.line_width) > 1e-9 * pattern.line_width:
+            raise ValueError(
+                f"lines of the {scan.axis} scan are {scan.line_width:g} times as wide as far apart, those of scene "
+                f"{nominal.name} {pattern.line_width:g} times; must be as [screen.lines] says, width_px over step_px"
+            )
+
+
+def _remedy(found: tuple[int, int], camera: Camera) -> str:
+    """What may make images of (rows, columns) fit, as the end of a message; "" if nothing is likely."""
+    columns, rows = camera.detector.pixels
+    if found == (columns, rows):
+        same = camera.detector.orientation in TRANSPOSED
+        words = ORIENTATIONS[: -len(TRANSPOSED)] if same else TRANSPOSED
+        now = camera.detector.orientation
+        return (
+            f'; rows and columns are exchanged: camera.detector.orientation (now "{now}") is one of {", ".join(words)}'
+        )
+    if camera.intrinsics is None:
+        return "; a region of interest or binning goes into roi_px and binning of [camera.intrinsics]"
+    size, binning = picture_size(camera.intrinsics, camera.detector.pixels), camera.intrinsics.binning
+    whole = (size[1] // binning[1], size[0] // binning[0])
+    named = f"camera.detector.pixels = [{columns}, {rows}], roi_px = {list(camera.intrinsics.roi_px)}"
+    named += f" and binning = {list(binning)} of [camera.intrinsics]"
+    if found == (size[1], size[0]):
+        what = "the whole picture that was calibrated"
+    elif found == whole:
+        what = "the whole picture, binned"
+    elif found == (rows * binning[1], columns * binning[0]):
+        what = "the region of interest without binning"
+    else:
+        return f"; {named} must say what of the picture was read out"
+    return f"; the images are {what}, but the scene has {named}: cut or bin the images, or change these keys"

@@ -21,7 +21,7 @@ from irtscots_cl.measurement.curve_profiles import Profiles
 from irtscots_cl.measurement.curve_windows import CurveWindows, find_light, light_box, line_pitch, place_windows
 from irtscots_cl.measurement.frame_checks import FrameChecks, check_frames
 from irtscots_cl.measurement.frame_factors import ScanFit
-from irtscots_cl.measurement.light_curves import EDGE_TOLERANCE, STRAY_SHARE, Flag
+from irtscots_cl.measurement.light_curves import EDGE_TOLERANCE, STRAY_SHARE, Flag, whole_range
 from irtscots_cl.measurement.sample_noise import dark_noise, noise_with_light
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.setup import Setup
@@ -241,7 +241,7 @@ class OneScan:
     def _beyond(self) -> FloatArray:
         """How far [n] each pixel's light extends past the first or last line, in lines; negative inside."""
         scan, pitch = self.scan, line_pitch(self.scan)
-        first, last = scan.positions_mm[0] - pitch / 2, scan.positions_mm[-1] + pitch / 2
+        first, last = whole_range(scan, pitch)
         beyond: FloatArray = np.maximum(first - (self.place_mm - self.reach), self.place_mm + self.reach - last) / pitch
         return beyond
 
@@ -313,7 +313,7 @@ class OneScan:
         """A light_curves.Flag [n] for each curve."""
         inside = np.maximum(self.windows.allowed.sum(1), 1)
         with np.errstate(invalid="ignore"):
-            lit = flux > DETECTED * np.sqrt(self.noise.floor * inside)
+            lit = flux * self.scan.line_width > DETECTED * np.sqrt(self.noise.floor * inside)
         flags = np.where(self._stray(flux), Flag.STRAY, Flag.GOOD)
         with np.errstate(invalid="ignore"):
             flags = np.where(self._beyond() > EDGE_TOLERANCE, Flag.CLIPPED, flags)
@@ -326,7 +326,9 @@ class OneScan:
 
         Level and noise are those of the samples beside the box: a second light raises both of all samples together.
         """
-        box = light_box(float(np.median(self.reach)) / line_pitch(self.scan)) if len(self.reach) else 1
+        wider = (self.scan.line_width - 1) / 2
+        box = light_box(float(np.median(self.reach)) / line_pitch(self.scan) + wider) if len(self.reach) else 1
+        on_lines = flux * self.scan.line_width
         found = np.zeros(len(self.curves), bool)
         common = float(np.median(self.noise.floor)) if len(found) else 0.0
         for chosen, lines, away, over in self._away():
@@ -344,5 +346,7 @@ class OneScan:
             variance = np.maximum((square[:, -1] - squares) / beside - mean**2, common)
             excess = in_box - n_box * mean
             # the brightest of many boxes: noise alone reaches some standard errors
-            found[chosen] = (excess > STRAY_SHARE * flux[chosen]) & (excess > STRAY_SIGMAS * np.sqrt(n_box * variance))
+            found[chosen] = (excess > STRAY_SHARE * on_lines[chosen]) & (
+                excess > STRAY_SIGMAS * np.sqrt(n_box * variance)
+            )
         return found

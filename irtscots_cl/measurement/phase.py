@@ -36,7 +36,7 @@ class SinusoidFit:
 
     offset, cosine, sine: [n], NaN where fewer than three steps, or no three different ones, are left. square: [n] sum
     of the squared residuals. samples: [n] those used. steps_rad: [N]. incomplete: [k] pixels that lack samples, with
-    the inverse [k, 3, 3] of their normal equations.
+    the inverse [k, 3, 3] of their normal equations. saturation: at which samples were left out.
     """
 
     offset: FloatArray
@@ -47,6 +47,7 @@ class SinusoidFit:
     steps_rad: FloatArray
     incomplete: IntArray = field(repr=False)
     inverse: FloatArray = field(repr=False)
+    saturation: float = np.inf
 
     @property
     def amplitude(self) -> FloatArray:
@@ -121,7 +122,13 @@ def fit_sinusoid(samples: NDArray[Any], steps_rad: FloatArray, saturation: float
         used = ~wrong[:, incomplete]
         found[:, incomplete], square[incomplete], inverses = _fit_some(values[:, incomplete], used, basis)
         count[incomplete] = used.sum(0)
-    return SinusoidFit(found[0], found[1], found[2], square, count, steps, incomplete, inverses)
+    return SinusoidFit(found[0], found[1], found[2], square, count, steps, incomplete, inverses, saturation)
+
+
+def used_samples(samples: NDArray[Any], fit: SinusoidFit) -> BoolArray:
+    """Which samples [N, n] a fit of them uses."""
+    wrong = _unusable(samples, fit.saturation)
+    return np.ones(samples.shape, bool) if wrong is None else ~wrong
 
 
 def _unusable(samples: NDArray[Any], saturation: float) -> BoolArray | None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.harmonics import wrapped
+from irtscots_cl.measurement.phase import fit_sinusoid
 
 MIN_STEPS = 5  # with fewer, the samples of a pixel leave too little to tell errors of the steps by
 ROUNDS = 500
@@ -44,33 +45,48 @@ class FoundSteps:
         return np.flatnonzero((size > WRONG_RAD) & (size > WRONG_SIGMA * self.standard_error_rad))
 
 
-def find_steps(samples: NDArray[Any], nominal_rad: FloatArray) -> FoundSteps | None:
-    """Steps of the frames of samples [N, n], n pixels of different phases without missing samples.
+def find_steps(
+    samples: NDArray[Any], nominal_rad: FloatArray, saturation: float = np.inf, start_rad: FloatArray | None = None
+) -> FoundSteps | None:
+    """Steps of the frames of samples [N, n], n pixels of different phases.
 
-    None where the images cannot tell: with fewer than MIN_STEPS steps, or where the search does not settle.
+    Samples at or above `saturation`, and those that are no numbers, are left out. start_rad: steps [N] to begin with;
+    None: the nominal ones. None where the images cannot tell: with fewer than MIN_STEPS steps, or where pixels or
+    frames are too much alike.
     """
     nominal = np.asarray(nominal_rad, float)
-    count, pixels = samples.shape
+    count = len(samples)
+    values = np.array(samples, float)
+    values[~(values < saturation)] = np.nan
+    used = np.isfinite(values)
+    enough = used.sum(0) >= MIN_STEPS
+    values, used = values[:, enough], used[:, enough]
+    pixels = values.shape[1]
     if count < MIN_STEPS or pixels < 4 * count:
         return None
-    values = np.asarray(samples, float)
-    steps = nominal.copy()
+    steps = nominal.copy() if start_rad is None else start_rad
     for _ in range(ROUNDS):
-        model = np.stack([np.ones(count), np.cos(steps), np.sin(steps)], -1)
-        if np.linalg.cond(model) > MAX_CONDITION:
+        if np.linalg.cond(_model(steps)) > MAX_CONDITION:
             return None
-        shapes = np.linalg.pinv(model) @ values  # [3, n]: offset, cosine, sine
-        across = shapes[1:] @ shapes[1:].T
-        if np.linalg.cond(across) > MAX_CONDITION:
+        fit = fit_sinusoid(values, steps)
+        shapes = np.stack([fit.cosine, fit.sine])
+        good = used & np.isfinite(fit.offset)
+        products = np.where(np.isfinite(fit.offset), shapes[:, None] * shapes[None], 0.0)
+        across = np.einsum("np,abp->nab", good, products, optimize=True)  # [N, 2, 2]
+        if not np.linalg.cond(across).max() < MAX_CONDITION:
             return None
-        frames = (values - shapes[0]) @ shapes[1:].T @ np.linalg.inv(across)  # [N, 2]
+        right = np.where(good, values - fit.offset, 0.0) @ np.where(np.isfinite(shapes), shapes, 0.0).T
+        frames = np.linalg.solve(across, right[..., None])[..., 0]  # [N, 2]
         new = _fixed(np.arctan2(frames[:, 1], frames[:, 0]), nominal)
         moved, steps = np.abs(new - steps).max(), new
         if moved < MOVED_RAD:
             break
-    left = values - model @ shapes
-    variance = np.square(left).sum() / max((count - 3) * pixels - count, 1)
-    return FoundSteps(nominal, steps, np.sqrt(variance * np.diag(_covariance(steps, nominal, across))))
+    variance = np.nansum(fit.square) / max(int(fit.freedom.sum()) - count, 1)
+    return FoundSteps(nominal, steps, np.sqrt(variance * np.diag(_covariance(steps, nominal, across.mean(0)))))
+
+
+def _model(steps: FloatArray) -> FloatArray:
+    return np.stack([np.ones_like(steps), np.cos(steps), np.sin(steps)], -1)
 
 
 def _covariance(steps: FloatArray, nominal: FloatArray, across: FloatArray) -> FloatArray:
@@ -78,7 +94,7 @@ def _covariance(steps: FloatArray, nominal: FloatArray, across: FloatArray) -> F
 
     The pixels' parameters are fitted to the same samples: what they leave of a change of the steps is what tells it.
     """
-    model = np.stack([np.ones_like(steps), np.cos(steps), np.sin(steps)], -1)
+    model = _model(steps)
     rest = np.eye(len(steps)) - model @ np.linalg.pinv(model)
     turn = np.stack([-np.sin(steps), np.cos(steps)], -1)
     known = np.linalg.pinv(rest * (turn @ across @ turn.T), rcond=1e-9, hermitian=True)

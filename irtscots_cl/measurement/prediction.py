@@ -19,6 +19,7 @@ from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import poisson_error
 from irtscots_cl.measurement.error_bars import ErrorBars, error_bars, slope_derivatives
 from irtscots_cl.measurement.light_profiles import sampling_error
+from irtscots_cl.measurement.line_edges import uncovered
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.slopes import deconvolve_pixel
 from irtscots_cl.measurement.systematic_error import SystematicError, systematic_error
@@ -148,9 +149,9 @@ def _why_bound(result: Reconstruction, steady: SystematicError | None, unresolve
 def _unresolved(result: Reconstruction, stack: ImageStack, scale: list[FloatArray]) -> float:
     """Rms height in mm, piston and tilt removed, that light narrower than a line may hide; 0 if it hides nothing.
 
-    A line does not tell where in it such light falls: the slopes are uncertain by the rest of the line's width, evenly.
-    All pixels may err alike where their light covers no more than a line together, and then as power, which makes the
-    most height; over many lines such errors alternate.
+    A line does not tell where in it such light falls, nor a gap between lines: the slopes are uncertain by the rest of
+    the width, evenly. All pixels may err alike where their light covers no more than a line together, and then as
+    power, which makes the most height; over many lines such errors alternate.
     """
     light, mask, slopes = result.setup.pixel_light, result.mask, []
     x, y = (np.where(mask, v - np.mean(v[mask]), 0.0) for v in (result.x_mm, result.y_mm))
@@ -160,7 +161,7 @@ def _unresolved(result: Reconstruction, stack: ImageStack, scale: list[FloatArra
         pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else 0.0
         extent = np.full(mask.size, np.nan)
         extent[light.pixels] = 2 * light.extent("uv"[k])[1]
-        rest = np.maximum(np.nan_to_num(pitch - extent.reshape(mask.shape)), 0.0)
+        rest = np.maximum(np.nan_to_num(pitch * uncovered(scan.line_width) - extent.reshape(mask.shape)), 0.0)
         alike = min(1.0, pitch / max(float(np.ptp(centroid[mask])), 1e-12))
         # rms of a slope that grows evenly from the middle of a disk is half of the rim's
         slopes.append(np.where(mask, rest / np.sqrt(12) * scale[k] * alike * 2 * place / radius, 0.0))
@@ -174,7 +175,8 @@ def _line_sampling(result: Reconstruction, scan: Scan) -> FloatArray:
         return left
     light, axis = result.setup.pixel_light, "xy".index(scan.axis)
     centroid = (result.centroid_x_mm, result.centroid_y_mm)[axis].ravel()[light.pixels]
-    left.ravel()[light.pixels] += np.nan_to_num(sampling_error(scan.positions_mm, light, "uv"[axis], centroid))
+    error = sampling_error(scan.positions_mm, light, "uv"[axis], centroid, line_width=scan.line_width)
+    left.ravel()[light.pixels] += np.nan_to_num(error)
     return left
 
 

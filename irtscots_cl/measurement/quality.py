@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.orientation import combined
 from irtscots_cl.imaging.patterns import LineScan
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.curve_windows import line_pitch
 from irtscots_cl.measurement.light_curves import Flag
 from irtscots_cl.measurement.one_scan import ScanEstimate
@@ -32,6 +33,8 @@ STRAY_SHARE = 0.01  # of the pixels on the mirror
 FEW = 0.9, 0.1  # shares of the pixels on the mirror that are used: below them doubtful, wrong
 SIGMAS = 5.0  # 6e-7 for Gaussian noise
 SHIFT = 8  # pixels to each side that the mirror's outline is tried at
+SHOWN = 2  # orientations that a message lists
+FIDUCIAL = "a fiducial would tell, a mark on the mirror off its axes whose x and y are known"
 OUTLINE = 0.02  # of the mirror's pixels that must fit better elsewhere
 
 
@@ -65,14 +68,14 @@ def check_images(stack: ImageStack, setup: Setup, estimates: tuple[ScanEstimate,
     checks.append(_orientation(setup, estimates))
     if checks[-1].level == OK:
         checks += [_outline(stack, setup), *(_place(setup, estimate) for estimate in estimates)]
-    checks.append(_used(setup, estimates))
+    checks.append(_used(setup, estimates, stack.use))
     return checks
 
 
 def _lines(estimate: ScanEstimate, setup: Setup) -> Check:
     """Positions in the file against the scene's screen; line_positions.py refuses those that are another line's."""
     axis = estimate.scan.axis
-    pitch = setup.scene.screen.pitch_xy_mm["xy".index(axis)]
+    pitch = LineScan(setup.scene).spacing_mm(axis)
     off = estimate.scan.positions_mm - LineScan(setup.scene).positions_mm(axis)
     value = float(np.abs(off).max()) / pitch
     if value <= LINE_POSITION:
@@ -171,12 +174,31 @@ def _orientation(setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate]) -> 
     found: Orientation = best_orientation(_maps(setup, estimates), design_points(setup)[2:], centres)
     if not found.is_wrong:
         text = "orientation of the images and directions of the scans fit the design"
+        if found.alike and not found.names:
+            text += f"; the set-up is symmetric, they would also with {_some(found.alike)}: {FIDUCIAL}"
         return Check("orientation", OK, found.misfit, found.best_misfit, 1e-6, text)
+    now = setup.scene.camera.detector.orientation
+    remedies = [_remedy(now, *both) for both in zip(found.names, found.images, strict=True)]
     text = (
         f"centroids fit the design {found.misfit / max(found.best_misfit, 1e-12):.3g} times better with "
-        f"{' or '.join(found.names)}: must be as the scene says, seen from behind the camera"
+        f"{' or '.join(found.names)}: must be as the scene says, seen from behind the camera; {' or '.join(remedies)}"
     )
+    if len(found.names) + len(found.alike) > 1:
+        also = f", nor from {_some(found.alike)}" if found.alike else ""
+        text += f"; a symmetric set-up does not tell these apart{also}: {FIDUCIAL}"
     return Check("orientation", ERROR, found.misfit, found.best_misfit, 1e-6, text)
+
+
+def _remedy(now: str, name: str, image: str) -> str:
+    """What to set or to mend, if the images need the change `image` of those in `name`. now: the scene's word."""
+    key = f'camera.detector.orientation = "{combined(now, image)}" (now "{now}")'
+    if image == "upright":
+        return f"mend the order of the lines ({name})"
+    return f"set {key}" + (" and mend the order of the lines" if " scan" in name else "")
+
+
+def _some(names: tuple[str, ...]) -> str:
+    return " or with ".join(names[:SHOWN]) + (f" ({len(names) - SHOWN} more)" if len(names) > SHOWN else "")
 
 
 def _outline(stack: ImageStack, setup: Setup) -> Check:
@@ -243,8 +265,10 @@ def _place(setup: Setup, estimate: ScanEstimate) -> Check:
     return Check(f"place {axis}", WARNING, middle, PLACE, 1e-6, text)
 
 
-def _used(setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate]) -> Check:
+def _used(setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate], use: BoolArray | None) -> Check:
     on_mirror = setup.chief_rays.footprint.coverage >= 0.5
+    if use is not None:
+        on_mirror = on_mirror & use
     flags = np.zeros(on_mirror.shape, np.int64)
     for estimate in estimates:
         of_scan = np.full(flags.size, Flag.EMPTY)

@@ -35,7 +35,8 @@ HEIGHT_ROUNDS = 2  # slopes, height, slopes, height: a third round changes less 
 class Reconstruction:
     """A measured surface on the detector's grid [rows, columns]; NaN outside the mask. Mirror frame.
 
-    x_mm, y_mm: mirror points. on_mirror: pixels that see enough of the mirror; mask: the used pixels among them.
+    x_mm, y_mm: mirror points. on_mirror: pixels that see enough of the mirror, of those that may be
+    used; mask: the used pixels among them.
     flags: light_curves.Flag, the worse of the two scans (pixels without a light curve: EMPTY). centroid_x_mm,
     centroid_y_mm: in the screen's frame. slope_x, slope_y [rad]: of the whole surface. height_mm: design plus
     deviation; deviation_mm: from the design, zero mean over every group of joined islands. light_curve, method,
@@ -181,6 +182,8 @@ def reconstruct(
         estimates = estimate_centroids(stack, setup, light_curve)
     centroid_x, centroid_y, flags = _both_scans(setup, stack, light_curve, threshold, estimates)
     on_mirror = chief.footprint.coverage >= min_coverage
+    if stack.use is not None:
+        on_mirror = on_mirror & stack.use
     mask = on_mirror & (flags == Flag.GOOD)
     _check_enough(setup.scene.name, on_mirror, mask, flags)
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in design_points(setup))

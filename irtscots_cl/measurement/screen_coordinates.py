@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.fringe_survey import SAMPLE, Survey, phases_of, survey
-from irtscots_cl.measurement.harmonics import ResponseTable
+from irtscots_cl.measurement.harmonics import ResponseTable, without_harmonics
 from irtscots_cl.measurement.mirror_mask import mirror_mask
 from irtscots_cl.measurement.phase import FrameNoise, fit_sinusoid
 from irtscots_cl.measurement.unwrapping import Prior, unwrap
@@ -191,6 +191,9 @@ def _evaluate(stack: FringeStack, number: int, pixels: IntArray, found: Survey) 
 
         def fit_part(part: slice, k: int = k, flat: NDArray[Any] = flat) -> None:
             fit = fit_sinusoid(flat[:, pixels[part]], found.steps_rad[k], stack.saturation)
+            ratios = found.harmonics[k]
+            if ratios is not None:
+                fit = without_harmonics(flat[:, pixels[part]], fit, ratios)
             of_series = slice(k, k + 1)
             phase, error = phases_of(
                 [fit], found.steps_rad[of_series], found.harmonics[of_series], found.noise, found.sign

@@ -17,7 +17,7 @@ PLACES = "places"  # in the place of a light_curve
 
 @dataclass(frozen=True)
 class ScreenPlaces:
-    """Places (u, v) on the screen's grid in mm with standard errors: upright maps [rows, columns], NaN where unknown."""
+    """Places (u, v) on the screen's grid in mm, with standard errors: upright maps [rows, columns], NaN if unknown."""
 
     u_mm: FloatArray = field(repr=False)
     v_mm: FloatArray = field(repr=False)
@@ -46,24 +46,19 @@ def surface_from_places(
 
     nominal, method, pixel_average, min_coverage: as of reconstruct. aperture: whether a pixel's place is the mean over
     the camera's aperture and the pixel; false: that of the centre's chief ray, for an aperture that is unknown.
-    mirror: pixels [rows, columns] that see the mirror, for one that is no full disk. Raises ValueError if the maps do not
-    have the detector's pixels or fewer than MIN_PIXELS of them can be used.
+    mirror: pixels [rows, columns] that see the mirror, for one that is no full disk. Raises ValueError if the maps do
+    not have the detector's pixels or fewer than MIN_PIXELS of them can be used.
     """
     setup = Setup.of(nominal)
     chief = setup.chief_rays
-    if places.u_mm.shape != chief.shape:
-        raise ValueError(
-            f"scene {setup.scene.name}: camera.detector.pixels = {list(chief.shape[::-1])}: the images have "
-            f"{list(places.u_mm.shape[::-1])} (columns, rows)"
-        )
+    _check_pixels(places, setup)
     points, on_mirror = _design(setup, aperture, min_coverage)
-    if mirror is not None:
-        on_mirror = on_mirror & mirror
+    on_mirror = on_mirror if mirror is None else on_mirror & mirror
     mask = on_mirror & places.known
     if mask.sum() < MIN_PIXELS:
         raise ValueError(
-            f"scene {setup.scene.name}: {mask.sum()} of the {on_mirror.sum()} detector pixels on the mirror see a known "
-            f"place of the screen; must be at least {MIN_PIXELS}"
+            f"scene {setup.scene.name}: {mask.sum()} of the {on_mirror.sum()} detector pixels on the mirror see a "
+            f"known place of the screen; must be at least {MIN_PIXELS}"
         )
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in points)
     found_u, found_v = (np.where(mask, place, np.nan) for place in (places.u_mm, places.v_mm))
@@ -93,6 +88,16 @@ def surface_from_places(
         islands=islands,
         place_errors_mm=(places.u_error_mm, places.v_error_mm),
     )
+
+
+def _check_pixels(places: ScreenPlaces, setup: Setup) -> None:
+    """Raise ValueError if the maps do not have the detector's pixels."""
+    wanted, found = setup.chief_rays.shape, places.u_mm.shape
+    if found != wanted:
+        raise ValueError(
+            f"scene {setup.scene.name}: camera.detector.pixels = {list(wanted[::-1])}: the images have "
+            f"{list(found[::-1])} (columns, rows)"
+        )
 
 
 def _design(setup: Setup, aperture: bool, min_coverage: float) -> tuple[list[FloatArray], BoolArray]:

@@ -19,6 +19,7 @@ import numpy as np
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.low_order import remove_terms, rms
+from irtscots_cl.measurement.line_edges import line_edges, on_lines
 from irtscots_cl.measurement.reconstruction import Reconstruction, reconstruct
 from irtscots_cl.measurement.refinement import modelled, refine, zernike_fit
 from irtscots_cl.optics.pixel.light import PixelLight
@@ -209,11 +210,10 @@ def _noise_free(light: PixelLight, scan: Scan) -> Scan:
     own = screen.pitch_xy_mm["xy".index(scan.axis)]
     pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else own
     first, window = scan.first_line[index], scan.flux_w.shape[-1]
-    edges = scan.positions_mm[0] + pitch * (first[:, None] + np.arange(window + 1) - 0.5)
-    flux = np.zeros((len(light.pixels), window))
-    on_all = np.zeros((len(light.pixels), window + 1))
+    edges = scan.positions_mm[0] + pitch * line_edges(first, window, scan.line_width)
+    on_all = np.zeros((len(light.pixels), edges.shape[1]))
     on_all[ours] = edges
-    flux = light.light("uv"["xy".index(scan.axis)], on_all)[ours]
+    flux = on_lines(light.light("uv"["xy".index(scan.axis)], on_all)[ours], scan.line_width)
     flux = np.where(light.valid()[ours][:, None], np.maximum(flux, 0.0), 0.0)
     return dataclasses.replace(
         scan,

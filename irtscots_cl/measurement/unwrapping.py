@@ -23,6 +23,7 @@ MARGIN = 0.05  # of the screen beyond its ends: phases there are taken as they a
 DOUBT = 1e-6  # probability of wrong orders from which on all orders are compared
 AT_ONCE = 2**21  # candidates compared in one go
 HIGHEST_FLOOR_RAD = 1.0
+WIDER = 3.0  # a prior, where the series are compared with each other
 TAU = 2 * np.pi
 
 
@@ -165,15 +166,20 @@ def phase_floor(
     """Error [rad] that has to be added in quadrature to all phases to make their median misfit what it should be.
 
     What it stands for is no noise: harmonics, another blur at other numbers of periods, motion. 0 where noise explains
-    the misfit, and where one series is all there is.
+    the misfit, and where one series is all there is. A prior only tells the orders: its own error is often the same in
+    all pixels.
     """
+    if len(periods) == 1:
+        return 0.0
+    wide = None if prior is None else Prior(prior.fraction, WIDER * prior.standard_error)
 
     def excess(floor: float) -> float:
-        found = unwrap(phases_rad, np.hypot(errors_rad, floor), periods, prior)
-        fits: BoolArray = np.isfinite(found.fraction) & (found.freedom > 0)
+        found = unwrap(phases_rad, np.hypot(errors_rad, floor), periods, wide)
+        freedom = found.freedom - (prior is not None)
+        fits: BoolArray = np.isfinite(found.fraction) & (freedom > 0)
         if not fits.any():
             return -1.0
-        kinds, which = np.unique(found.freedom[fits], return_inverse=True)
+        kinds, which = np.unique(freedom[fits], return_inverse=True)
         return float(np.median(found.misfit[fits] / chi2.median(kinds)[which])) - 1.0
 
     if excess(0.0) <= 0:

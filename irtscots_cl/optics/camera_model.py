@@ -103,11 +103,11 @@ class CameraModel:
         with np.errstate(all="ignore"):  # far outside the image there may be no such point
             for _ in range(MAX_NEWTON_STEPS):
                 interruption.check()
-                next_x, next_y, _ = lens_distortion.towards(x, y, goal_x, goal_y, self.distortion)
+                next_x, next_y, determinant = lens_distortion.towards(x, y, goal_x, goal_y, self.distortion)
                 moved = np.abs(next_x - x) + np.abs(next_y - y)
                 x, y = next_x, next_y
                 if not np.any(moved > PRECISION):
                     break
-            lost = ~(moved <= PRECISION * 1e3)
-        x[lost], y[lost] = np.nan, np.nan
-        return x, y
+            # beyond where the image folds another branch may lead to the goal: that is no direction of a real ray
+            lost = ~((moved <= PRECISION * 1e3) & (determinant > 0) & (x * goal_x + y * goal_y >= 0))
+        return np.where(lost, np.nan, x), np.where(lost, np.nan, y)

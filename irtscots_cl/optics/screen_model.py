@@ -117,8 +117,7 @@ class ScreenModel:
             if not np.any(moved > PRECISION_MM):
                 break
         lost = ~(moved <= 1e4 * PRECISION_MM)
-        u[lost], v[lost] = np.nan, np.nan
-        return u, v
+        return np.where(lost, np.nan, u), np.where(lost, np.nan, v)
 
     def glass_shift(self, u, v, slope_u, slope_v) -> tuple[np.ndarray, np.ndarray]:
         """How far (u, v) the glass moves rays with slopes dx/dz, dy/dz on the pixels about (u, v), in mm.

@@ -6,12 +6,13 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.interpolate import RBFInterpolator, RectBivariateSpline
+from scipy.interpolate import NdBSpline, RBFInterpolator, RectBivariateSpline
 
 from irtscots_cl.scene.instrument import Screen
 from irtscots_cl.scene.validation import SceneError
 
 TABLE_NODES = 33  # along each axis, of the grid to which points without one are brought
+MIN_SPREAD = 1e-3  # of the places across the direction of their largest extent: less spans no area
 SAME_FRACTION = 1e-6  # of the screen: fractions that close are one row or column of a grid
 
 
@@ -67,48 +68,34 @@ class PolynomialSag:
 
 @dataclass(frozen=True)
 class MeasuredPoints:
-    """Splines of X - u, Y - v and Z over the grid; beyond the measured points they go on as planes."""
+    """Splines of X - u, Y - v and Z over the grid; beyond the measured points they go on straight."""
 
-    splines: tuple[RectBivariateSpline, ...] = field(repr=False)
-    levels: tuple[np.ndarray, np.ndarray] = field(repr=False)  # u and v of the grid's lines
-
-    @property
-    def first(self) -> tuple[float, float]:
-        """Where the range (u, v) that the points cover begins."""
-        return self.levels[0][0], self.levels[1][0]
-
-    @property
-    def last(self) -> tuple[float, float]:
-        return self.levels[0][-1], self.levels[1][-1]
+    spline: NdBSpline = field(repr=False)  # of (u, v), for all three
+    first: tuple[float, float]  # of the knots: the range (u, v) that the points cover
+    last: tuple[float, float]
 
     def points(self, u_mm, v_mm) -> np.ndarray:
-        u, v = np.broadcast_arrays(np.asarray(u_mm, float), np.asarray(v_mm, float))
-        inside = [np.clip(w, a, b) for w, a, b in zip((u, v), self.first, self.last, strict=True)]
-        beyond = u - inside[0], v - inside[1]
-        moves = []
-        for spline in self.splines:
-            value = spline.ev(*inside)
-            if np.any(beyond[0]) or np.any(beyond[1]):
-                value = value + beyond[0] * self._slope(spline, inside, 0) + beyond[1] * self._slope(spline, inside, 1)
-            moves.append(value)
-        return np.stack([u + moves[0], v + moves[1], moves[2]], -1)
+        (u, v), place, beyond = self._placed(u_mm, v_mm)
+        moves = self.spline(place)
+        if np.any(beyond):
+            moves = moves + beyond[0][..., None] * self.spline(place, nu=(1, 0))
+            moves = moves + beyond[1][..., None] * self.spline(place, nu=(0, 1))
+        return moves + np.stack([u, v, np.zeros_like(u)], -1)
 
     def tangents(self, u_mm, v_mm) -> tuple[np.ndarray, np.ndarray]:
-        u, v = np.broadcast_arrays(np.asarray(u_mm, float), np.asarray(v_mm, float))
-        inside = [np.clip(w, a, b) for w, a, b in zip((u, v), self.first, self.last, strict=True)]
-        by_u, by_v = ([self._slope(spline, inside, axis) for spline in self.splines] for axis in (0, 1))
-        return np.stack([1 + by_u[0], by_u[1], by_u[2]], -1), np.stack([by_v[0], 1 + by_v[1], by_v[2]], -1)
+        _, place, beyond = self._placed(u_mm, v_mm)
+        by_u, by_v = self.spline(place, nu=(1, 0)), self.spline(place, nu=(0, 1))
+        if np.any(beyond):
+            twist, (beyond_u, beyond_v) = self.spline(place, nu=(1, 1)), beyond
+            by_u = by_u + np.where(beyond_u == 0, beyond_v, 0.0)[..., None] * twist
+            by_v = by_v + np.where(beyond_v == 0, beyond_u, 0.0)[..., None] * twist
+        return by_u + [1.0, 0.0, 0.0], by_v + [0.0, 1.0, 0.0]
 
-    def _slope(self, spline: RectBivariateSpline, at: list[np.ndarray], axis: int) -> np.ndarray:
-        """Derivative of a spline by u (0) or v (1). Between straight pieces it is that of the piece: FITPACK refuses
-        derivatives as high as the degree (pardeu, code 10)."""
-        if spline.degrees[axis] > 1:
-            return spline.ev(*at, dx=1 - axis, dy=axis)
-        levels = self.levels[axis]
-        piece = np.clip(np.searchsorted(levels, at[axis], "right") - 1, 0, len(levels) - 2)
-        low, high = list(at), list(at)
-        low[axis], high[axis] = levels[piece], levels[piece + 1]
-        return (spline.ev(*high) - spline.ev(*low)) / (high[axis] - low[axis])
+    def _placed(self, u_mm, v_mm) -> tuple[list[np.ndarray], np.ndarray, list[np.ndarray]]:
+        """u, v; the nearest places [..., 2] that the points cover; how far u, v are beyond those."""
+        grid = list(np.broadcast_arrays(np.asarray(u_mm, float), np.asarray(v_mm, float)))
+        inside = [np.clip(w, a, b) for w, a, b in zip(grid, self.first, self.last, strict=True)]
+        return grid, np.stack(inside, -1), [w - near for w, near in zip(grid, inside, strict=True)]
 
 
 def _measured(shape: Any, half: tuple[float, float], middle: tuple[float, float]) -> MeasuredPoints:
@@ -120,18 +107,23 @@ def _measured(shape: Any, half: tuple[float, float], middle: tuple[float, float]
     moves = points - np.column_stack([places, np.zeros(len(places))])
     u, v, values = _on_grid(places, moves, shape.interpolation)
     order = 1 if shape.interpolation == "linear" else 3
-    splines = tuple(
-        RectBivariateSpline(u, v, field, kx=min(order, len(u) - 1), ky=min(order, len(v) - 1)) for field in values
-    )
-    return MeasuredPoints(splines, (u, v))
+    powers = min(order, len(u) - 1), min(order, len(v) - 1)
+    fits = [RectBivariateSpline(u, v, field, kx=powers[0], ky=powers[1]) for field in values]
+    shape_of = tuple(len(knots) - power - 1 for knots, power in zip(fits[0].tck[:2], powers, strict=True))
+    coefficients = np.stack([fit.tck[2].reshape(shape_of) for fit in fits], -1)
+    # of a linear spline RectBivariateSpline itself gives no derivatives
+    return MeasuredPoints(NdBSpline(fits[0].tck[:2], coefficients, powers), (u[0], v[0]), (u[-1], v[-1]))
 
 
 def _on_grid(places: np.ndarray, moves: np.ndarray, interpolation: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coordinates u, v of a grid and the moves [3, u, v] there: the points' own grid, or one through their cloud."""
-    u, v = (_levels(places[:, k]) for k in (0, 1))
-    if len(u) * len(v) == len(places):
-        order = np.lexsort((places[:, 1], places[:, 0]))
-        return u, v, moves[order].T.reshape(3, len(u), len(v))
+    (u, of_u), (v, of_v) = (_levels(places[:, k]) for k in (0, 1))
+    cell = of_u * len(v) + of_v
+    if min(len(u), len(v)) > 1 and len(np.unique(cell)) == len(places) == len(u) * len(v):
+        return u, v, moves[np.argsort(cell)].T.reshape(3, len(u), len(v))
+    spread = np.linalg.svd(places - places.mean(0), compute_uv=False)
+    if not spread[1] > MIN_SPREAD * spread[0]:
+        raise SceneError("screen.shape.fractions: all places lie on a line; must span the screen in both directions")
     u, v = (np.linspace(places[:, k].min(), places[:, k].max(), TABLE_NODES) for k in (0, 1))
     grid = np.stack(np.meshgrid(u, v, indexing="ij"), -1).reshape(-1, 2)
     kernel = "linear" if interpolation == "linear" else "thin_plate_spline"
@@ -140,12 +132,13 @@ def _on_grid(places: np.ndarray, moves: np.ndarray, interpolation: str) -> tuple
     return u, v, found.T.reshape(3, len(u), len(v))
 
 
-def _levels(values: np.ndarray) -> np.ndarray:
-    """The different values, where those closer than SAME_FRACTION of the range count as one."""
-    ordered = np.sort(values)
-    gap = np.diff(ordered, prepend=-np.inf) > SAME_FRACTION * max(np.ptp(values), 1e-30)
-    groups = np.cumsum(gap) - 1
-    return np.bincount(groups, ordered) / np.bincount(groups)
+def _levels(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The different values, where those closer than SAME_FRACTION of the range count as one; which [n] each is."""
+    order = np.argsort(values)
+    gap = np.diff(values[order], prepend=-np.inf) > SAME_FRACTION * max(np.ptp(values), 1e-30)
+    groups = np.empty(len(values), np.int64)
+    groups[order] = np.cumsum(gap) - 1
+    return np.bincount(groups, values) / np.bincount(groups), groups
 
 
 def _check_unfolded(surface: ScreenSurface, half: tuple[float, float], middle: tuple[float, float]) -> None:

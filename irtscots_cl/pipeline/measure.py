@@ -9,6 +9,7 @@ import numpy as np
 
 from irtscots_cl.analysis.comparison import HEIGHT_TERMS
 from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.maths.arrays import BoolArray
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.coefficients import check_kind, coefficients
 from irtscots_cl.measurement.error_bars import ErrorBars, error_bars
@@ -45,11 +46,13 @@ def measure(
     strict: bool = False,
     source: str = "images",
     zernike: str = "circular",
+    use: BoolArray | None = None,
 ) -> MeasuredFacts:
     """Measure a mirror from images alone, without a truth to compare with.
 
     how: a name of methods.MEASURES. strict: refuse doubtful images, too. source: the images' file, for messages.
-    zernike: kind of the terms that are fitted, of coefficients.KINDS. Writes result.h5 and figures into the folder and
+    zernike: kind of the terms that are fitted, of coefficients.KINDS. use: detector pixels [rows, columns] that may be
+    used; None: all. Writes result.h5 and figures into the folder and
     returns the main facts, named as in report.json. Raises RefusedImagesError if a check says that the images are
     wrong, ValueError if they do not fit the scene or cannot be measured.
     """
@@ -57,7 +60,7 @@ def measure(
 
     check_kind(zernike)
     try:
-        result, stack, bars, checks = _measured(stack, Setup(nominal), threshold, how, strict)
+        result, stack, bars, checks = _measured(stack, Setup(nominal), threshold, how, strict, use)
         facts = measured_facts(result, how, bars, checks, zernike)
         refuse_bad(checks, strict)
     except ValueError as error:
@@ -71,10 +74,11 @@ def measure(
 
 
 def _measured(
-    stack: ImageStack, setup: Setup, threshold: float, how: str, strict: bool
+    stack: ImageStack, setup: Setup, threshold: float, how: str, strict: bool, use: BoolArray | None
 ) -> tuple[Reconstruction, ImageStack, ErrorBars | None, list[Check]]:
     """The surface, the images with their ceiling, error bars and checks."""
-    stack = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
+    whole = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
+    stack = whole if use is None else whole.masked(use)
     estimates = estimate_centroids(stack, setup, BEST)
     interruption.check()
     checks = check_images(stack, setup, estimates)
@@ -85,7 +89,7 @@ def _measured(
         best = measure_by(BEST, stack, setup, estimates=estimates)
         checks.append(_against_best(result, best, how, threshold))
         refuse_bad(checks, strict)
-    return result, stack, bars, checks
+    return result, whole, bars, checks
 
 
 def refuse_bad(checks: list[Check], strict: bool) -> None:

@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from skimage.draw import polygon2mask
 
-from irtscots_cl.calibration.lab_scene import LabScene, lab_scene, mirror_start, places_of_fractions
+from irtscots_cl.calibration.lab_scene import ORIENTATION, LabScene, lab_scene, mirror_start, places_of_fractions
 from irtscots_cl.formats.sofast import SofastMeasurement, read_sofast_measurement, read_sofast_response
 from irtscots_cl.formats.sofast_setup import SofastFolder, read_sofast_folder
+from irtscots_cl.imaging.mask_files import read_mask
+from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.imaging.sofast_fringes import sofast_fringes
+from irtscots_cl.maths.arrays import BoolArray
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.harmonics import ResponseTable
 from irtscots_cl.measurement.quality import OK, WARNING, Check
 from irtscots_cl.measurement.reconstruction import Reconstruction
-from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, screen_coordinates
+from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, find_mask, screen_coordinates
 from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_places
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
 from irtscots_cl.report.fringe_file import FringeMaps, write_fringe_result
+from irtscots_cl.report.quality import check_facts
 from irtscots_cl.report.types import FringeFacts, GeometryFacts, MeasuredFacts
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
@@ -32,7 +35,6 @@ from irtscots_cl.system.atomic_files import write_json, write_text
 FRINGES = "fringes"  # the name of the measure
 CORNER_PX = 1.0  # misfit of the facet's corners from which on it is named
 DISTANCE_SHARE = 0.01  # difference of the distance by the outline from the measured one, from which on it is named
-ROWS = {"upright": 1, "rows-reversed": -1}  # step of the rows from the images as stored to the upright grid
 
 
 @dataclass(frozen=True)
@@ -58,45 +60,48 @@ class SofastSetup:
 
 @dataclass(frozen=True)
 class SofastResult:
-    """A mirror measured by SOFAST. lab: what was found of the set-up, None where a scene was given. stored: turns an
-    upright map as the images are stored, and back."""
+    """A mirror measured by SOFAST. lab: what was found of the set-up, None where a scene was given."""
 
     result: Reconstruction
     coordinates: ScreenCoordinates
     lab: LabScene | None
-    stored: Callable[[Any], Any] = field(repr=False)
+
+    def stored(self, maps: Any) -> Any:
+        """Upright maps as the images are stored."""
+        return stored(maps, self.result.nominal.camera.detector.orientation)
 
 
 def sofast_surface(
-    measurement: SofastMeasurement, setup: SofastSetup, saturation: float | None = None
+    measurement: SofastMeasurement,
+    setup: SofastSetup,
+    saturation: float | None = None,
+    use: BoolArray | None = None,
 ) -> SofastResult:
-    """The surface of a SOFAST measurement. Raises ValueError where images, files and scene do not fit."""
-    coordinates = screen_coordinates(sofast_fringes(measurement, saturation), response=setup.response)
+    """The surface of a SOFAST measurement. use: pixels [rows, columns] of the images that may be used; None: all.
+
+    Raises ValueError where images, files and scene do not fit.
+    """
+    stack = sofast_fringes(measurement, saturation)
+    mask = None if use is None else find_mask(stack) & use
+    coordinates = screen_coordinates(stack, mask=mask, response=setup.response)
     interruption.check()
-    orientation = "rows-reversed" if setup.scene is None else setup.scene.camera.detector.orientation
-    if orientation not in ROWS:
-        raise ValueError(f"camera.detector.orientation = {orientation!r}: must be one of {', '.join(ROWS)}")
-
-    def turned(maps: Any) -> Any:
-        return maps[..., :: ROWS[orientation], :]
-
-    fractions = turned(coordinates.x.fraction), turned(coordinates.y.fraction)
+    orientation = ORIENTATION if setup.scene is None else setup.scene.camera.detector.orientation
+    axes = (coordinates.x, coordinates.y)
     size = _size(setup)
-    u_mm, v_mm = places_of_fractions(size, *fractions)
-    errors = [turned(one.standard_error) * w for one, w in zip((coordinates.x, coordinates.y), size, strict=True)]
+    u_mm, v_mm = places_of_fractions(size, *(upright(one.fraction, orientation) for one in axes))
+    errors = [upright(one.standard_error, orientation) * width for one, width in zip(axes, size, strict=True)]
     places = ScreenPlaces(u_mm, v_mm, *errors)
-    lab, scene = None, setup.scene
-    if setup.folder is not None:
-        given = measurement.screen_distance_mm, measurement.point_mm
-        signal = turned(measurement.white.astype(float) - measurement.dark)
-        start = mirror_start(setup.folder, *given, signal, turned(coordinates.mask))
-        lab = lab_scene(setup.folder, start, *given, turned(coordinates.mask) & places.known, u_mm, v_mm, measurement.name)
-        scene = lab.scene
-    assert scene is not None
+    if setup.scene is not None:
+        return SofastResult(surface_from_places(places, setup.scene.nominal()), coordinates, None)
+    assert setup.folder is not None
+    given = measurement.screen_distance_mm, measurement.point_mm
+    signal = upright(measurement.white.astype(float) - measurement.dark, orientation)
+    seen = upright(coordinates.mask, orientation)
+    start = mirror_start(setup.folder, *given, signal, seen)
+    lab = lab_scene(setup.folder, start, *given, seen & places.known, u_mm, v_mm, measurement.name)
     interruption.check()
-    inside = None if lab is None else polygon2mask(u_mm.shape, lab.start.corners_px)
-    result = surface_from_places(places, scene.nominal(), aperture=lab is None, mirror=inside)
-    return SofastResult(result, coordinates, lab, turned)
+    facet = polygon2mask(u_mm.shape, start.corners_px)
+    return SofastResult(surface_from_places(places, lab.scene, aperture=False, mirror=facet), coordinates, lab)
 
 
 def measure_sofast(
@@ -107,21 +112,27 @@ def measure_sofast(
     strict: bool = False,
     zernike: str = "circular",
     saturation: float | None = None,
+    mask: Path | None = None,
 ) -> MeasuredFacts:
     """Measure a mirror from a SOFAST measurement's file. Writes result.h5, report.json, scene.toml and figures into the
     folder and returns the main facts, named as in report.json.
 
     strict: refuse doubtful images, too. zernike: kind of the terms that are fitted. saturation: of the camera's pixels.
+    mask: file of the pixels that may be used, lying as the images do.
     Raises RefusedImagesError if a check says that the images are wrong, ValueError if they do not fit the set-up.
     """
     check_kind(zernike)
     measurement = read_sofast_measurement(path)
+    use = None if mask is None else read_mask(mask, measurement.white.shape)
     try:
-        found = sofast_surface(measurement, setup, saturation)
+        found = sofast_surface(measurement, setup, saturation, use)
         bars = error_bars(found.result)
         assert bars is not None
         checks = _checks(found, measurement)
         facts = measured_facts(found.result, FRINGES, bars, checks, zernike)
+        if found.lab is not None:  # a facet is no disk: that terms of a disk cannot be told apart on it is no doubt
+            checks = [replace(check, level=OK) if check.name == "zernike terms" else check for check in checks]
+            facts["checks"] = check_facts(checks)
         refuse_bad(checks, strict)
     except ValueError as error:
         kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
@@ -198,7 +209,9 @@ def _write(folder: Path, found: SofastResult, facts: MeasuredFacts, bars: Any) -
 
     result = found.result
     points = result.setup.chief_rays.screen_model
-    in_frame = (points.to_world(result.centroid_x_mm, result.centroid_y_mm) - points.frame.position_mm) @ points.frame.axes.T
+    in_frame = (
+        points.to_world(result.centroid_x_mm, result.centroid_y_mm) - points.frame.position_mm
+    ) @ points.frame.axes.T
     maps = FringeMaps(found.coordinates, in_frame, found.stored)
     attributes = {
         "scene": result.nominal.to_toml(),

@@ -79,10 +79,9 @@ def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
         axes.errorbar(position, curve[inside], error[inside], fmt="o", capsize=3, label="images")
         line = np.linspace(centre - 0.8 * diameter, centre + 0.8 * diameter, 400)
         pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else diameter
-        chord = chord_cdf((line - centre + pitch / 2) / (diameter / 2)) - chord_cdf(
-            (line - centre - pitch / 2) / (diameter / 2)
-        )
-        axes.plot(line, chord * curve.sum(), "k:", label="Eq. (2), unit magnification")
+        half = pitch * scan.line_width / 2
+        chord = chord_cdf((line - centre + half) / (diameter / 2)) - chord_cdf((line - centre - half) / (diameter / 2))
+        axes.plot(line, chord * (curve.sum() / scan.line_width), "k:", label="Eq. (2), unit magnification")
         axes.axvline(centre, color="tab:red", lw=1, label=f"centroid {centre:.4f} mm")
         axes.set(
             title=f"{scan.axis} scan, pixel [{row}, {column}]",

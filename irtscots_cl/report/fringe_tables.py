@@ -11,9 +11,14 @@ def fringe_tables(facts: MeasuredFacts) -> list[Table]:
     tables = []
     if "fringes" in facts:
         found = facts["fringes"]
-        periods = "; ".join(f"{axis}: {', '.join(f'{p:g}' for p in values)}" for axis, values in found["periods"].items())
+        periods = "; ".join(
+            f"{axis}: {', '.join(f'{p:g}' for p in values)}" for axis, values in found["periods"].items()
+        )
         rows = [("periods over the screen", periods)]
-        for what, key in (("standard error of a place [mm], median", "standard_error_mm"), ("modulation", "modulation")):
+        for what, key in (
+            ("standard error of a place [mm], median", "standard_error_mm"),
+            ("modulation", "modulation"),
+        ):
             values = found[key]  # type: ignore[literal-required]
             rows.append((what, f"{values['x']:.3g}, {values['y']:.3g}"))
         rows.append(("pixels expected to have a wrong fringe order", f"{found['pixels_with_wrong_order']:.2g}"))

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
+from irtscots_cl.imaging.orientation import stored, stored_shape
 from irtscots_cl.maths.integration import separate_islands
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.error_bars import ErrorBars
@@ -25,16 +26,24 @@ def write_result(
 ) -> None:
     """Write result.h5: images [lines, rows, columns] in the stack's unit with standard errors, lines, mirror points,
     mask, centroids, slopes and height. attributes: of the file (scene as TOML, seed, device, versions). bars: standard
-    errors from the noise of the images, where the measure gives them; else those of the height are the replicates'."""
+    errors from the noise of the images, where the measure gives them; else those of the height are the replicates'.
+
+    Images and maps lie in the file as the scene's `camera.detector.orientation` says; the attribute names it.
+    """
+    orientation = result.nominal.camera.detector.orientation
     islands = result.islands or separate_islands(result.mask)
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         for key, value in attributes.items():
             file.attrs[key] = value
+        file.attrs["orientation"] = orientation
         for scan in (stack.x, stack.y):
             jackknife = scan.jackknife_w()
-            _write_images(file, f"images/{scan.axis}", scan, jackknife[0])
-            _write_images(file, f"images/{scan.axis}_standard_error", scan, jackknife_error(jackknife))
+            _write_images(file, f"images/{scan.axis}", scan, jackknife[0], orientation)
+            _write_images(file, f"images/{scan.axis}_standard_error", scan, jackknife_error(jackknife), orientation)
             _write(file, f"lines/{scan.axis}_mm", scan.positions_mm, "mm")
+            if len(scan.positions_mm) > 1:
+                width_mm = scan.line_width * np.diff(scan.positions_mm).mean()
+                file[f"lines/{scan.axis}_mm"].attrs["line_width_mm"] = width_mm
         for name, values, unit in (
             ("mirror/x_mm", result.x_mm, "mm"),
             ("mirror/y_mm", result.y_mm, "mm"),
@@ -51,7 +60,7 @@ def write_result(
             ("height_standard_error_nm", (bars.height_mm if bars else result.height_standard_error_mm()) * 1e6, "nm"),
             *_error_maps(result, bars),
         ):
-            _write(file, name, values, unit)
+            _write(file, name, stored(values, orientation), unit)
 
 
 def _error_maps(result: Reconstruction, bars: ErrorBars | None) -> list[tuple[str, np.ndarray, str]]:
@@ -77,13 +86,14 @@ def _write(file: h5py.File, name: str, values: np.ndarray, unit: str) -> None:
     file[name].attrs["unit"] = unit
 
 
-def _write_images(file: h5py.File, name: str, scan: Scan, values: np.ndarray) -> None:
+def _write_images(file: h5py.File, name: str, scan: Scan, values: np.ndarray, orientation: str) -> None:
     """Write line by line, so that the whole stack of a large screen is never in memory."""
-    shape = (len(scan.positions_mm), *scan.shape)
+    image = stored_shape(scan.shape, orientation)
+    shape = (len(scan.positions_mm), *image)
     images = file.create_dataset(
-        name, shape, np.float64, chunks=(1, *scan.shape), compression="gzip", compression_opts=1, shuffle=True
+        name, shape, np.float64, chunks=(1, *image), compression="gzip", compression_opts=1, shuffle=True
     )
     images.attrs["unit"] = scan.unit
     for line in range(shape[0]):
         interruption.check()
-        images[line] = scan.image(line, values)
+        images[line] = stored(scan.image(line, values), orientation)

@@ -313,10 +313,11 @@ class PathReport(TypedDict):
 class GeometryFacts(TypedDict):
     """Where the camera saw a mirror whose place is known from its outline and its distance from the screen.
 
-    display: the file that the screen's shape comes from. corners_px: (column, row) in the images as stored, in the order
-    of the facet's file. corner_misfit_px: rms distance of the facet's corners from them. distance_mm: measured, from the
-    mirror's point to the screen; distance_by_corners_mm: by its outline alone. turn_mrad: between the mirror's normal by
-    the outline and by the slopes, which counts. focal_lengths_m: of the paraboloid that the slopes fit, along x and y.
+    display: the file that the screen's shape comes from. corners_px: (column, row) in the images as stored, in the
+    order of the facet's file. corner_misfit_px: rms distance of the facet's corners from them. distance_mm: measured,
+    from the mirror's point to the screen; distance_by_corners_mm: by its outline alone. turn_mrad: between the mirror's
+    normal by the outline and by the slopes, which counts. focal_lengths_m: of the paraboloid that the slopes fit, along
+    x and y.
     """
 
     display: str

@@ -19,7 +19,7 @@ OTHERS = ("roi_px", "binning")  # keys that no such file has: they stand beside 
 
 
 def intrinsics_from(camera: OpenCvCamera, roi_px: Any = (0, 0), binning: Any = (1, 1)) -> Intrinsics:
-    """The intrinsics of a calibrated camera, of which a region may be read out with joined pixels. Raises SceneError."""
+    """The intrinsics of a calibrated camera, of which a region may be read out, pixels joined. Raises SceneError."""
     return Intrinsics(
         image_size_px=camera.image_size_px,
         principal_point_px=(camera.cx, camera.cy),
@@ -39,7 +39,9 @@ def opencv_camera(camera: Camera, name: str = "") -> OpenCvCamera:
     middle = given.principal_point_px or ((columns - 1) / 2, (rows - 1) / 2)
     own = camera.image_distance_mm / camera.detector.pitch_mm
     fx, fy = (f or own * b for f, b in zip((given.fx, given.fy), given.binning, strict=True))
-    return OpenCvCamera(fx, fy, *middle, given.distortion if given.is_distorted else (), (columns, rows), name)
+    return OpenCvCamera(
+        fx, fy, middle[0], middle[1], given.distortion if given.is_distorted else (), (columns, rows), name
+    )
 
 
 def with_camera_file(table: dict[str, Any], source: str, steps: tuple[str, ...], pixels: Any) -> dict[str, Any]:
@@ -62,7 +64,9 @@ def with_camera_file(table: dict[str, Any], source: str, steps: tuple[str, ...],
     if camera.image_size_px and not set(OTHERS[:1]) & set(table) and _pair(pixels) and _pair(binning):
         whole = [n * b for n, b in zip(pixels, binning, strict=True)]
         if whole != list(camera.image_size_px):
-            must = f"be given: the picture of {given[:80]} has {list(camera.image_size_px)} pixels, the detector {whole}"
+            must = (
+                f"be given: the picture of {given[:80]} has {list(camera.image_size_px)} pixels, the detector {whole}"
+            )
             raise problem(source, (*steps, "roi_px"), f"must {must}")
     found = intrinsics_from(camera)
     keys = ("image_size_px", "principal_point_px", "fx", "fy", "distortion")

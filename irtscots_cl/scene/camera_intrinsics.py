@@ -6,6 +6,7 @@ at the pixels' centres, (0, 0) the centre of the top left pixel, x to the right,
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from pydantic import Field, Strict, model_validator
@@ -20,7 +21,8 @@ _Bin = Annotated[int, Strict(), Field(ge=1, le=64)]
 _FOCAL = bounded(gt=0, le=1e9)
 OptionalFocal = Annotated[Annotated[float, Strict(), _FOCAL] | None, Field(description=_FOCAL.description)]
 COUNTS = (0, 4, 5, 8)  # of distortion coefficients, as OpenCV's calibrations give them
-PATH_STEPS, NEWTON_STEPS = 24, 4  # from the principal point to a point of the image's edge
+PATH_STEPS, NEWTON_STEPS = 24, 6  # from the principal point to a point of the image's edge
+BETWEEN = 4  # places on each of those steps
 EDGE_POINTS = 8  # on each side of the image
 MIN_DETERMINANT = 0.05  # of the distortion: below it an image point says next to nothing about the direction
 
@@ -90,13 +92,15 @@ def check_intrinsics(
             if not -size[k] <= point <= 2 * size[k]:
                 must = f"lie within one size of the picture of {list(size)} pixels about it"
                 refuse(("intrinsics", "principal_point_px"), intrinsics.principal_point_px, must)
-        own = image_distance_mm / pitch_mm * intrinsics.binning[k]
+        # of pixels that binning has not left square, pitch_mm is one side
+        own = [image_distance_mm / pitch_mm * joined for joined in sorted(intrinsics.binning)]
         focal = (intrinsics.fx, intrinsics.fy)[k]
-        if focal is not None and not 0.5 <= focal / own <= 2.0:
-            must = f"be within a factor of 2 of {own:.6g}, the image distance over the pitch of the picture's pixels"
+        if focal is not None and not 0.5 * own[0] <= focal <= 2.0 * own[1]:
+            one = f"{own[0]:.6g}" if own[0] == own[1] else f"{own[0]:.6g} to {own[1]:.6g}"
+            must = f"be within a factor of 2 of {one}, the image distance over the pitch of the picture's pixels"
             refuse(("intrinsics", ("fx", "fy")[k]), focal, must)
     if intrinsics.is_distorted and (at := _fold(intrinsics, pixels, pitch_mm, image_distance_mm)):
-        must = f"be one-to-one in the image; it folds at {at}, towards pixel [{at.column:.0f}, {at.row:.0f}]"
+        must = f"be one-to-one in the image; it folds beyond {at}, towards pixel [{round(at.column)}, {round(at.row)}]"
         refuse(("intrinsics", "distortion"), intrinsics.distortion, must)
 
 
@@ -119,16 +123,32 @@ def _fold(intrinsics: Intrinsics, pixels: tuple[int, int], pitch_mm: float, imag
     middle = intrinsics.principal_point_px or ((size[0] - 1) / 2, (size[1] - 1) / 2)
     for column, row in _edge(intrinsics, pixels):
         goal = ((column - middle[0]) / focal[0], (row - middle[1]) / focal[1])
-        x = y = 0.0
-        for step in range(1, PATH_STEPS + 1):
-            share = step / PATH_STEPS
+        if (radius := _fold_towards(goal, coefficients)) is not None:
+            return Fold(radius, column, row)
+    return None
+
+
+def _fold_towards(goal: tuple[float, float], coefficients: lens_distortion.Coefficients) -> float | None:
+    """Radius of the last place before a fold, on the way from the principal point to what the lens moves to the goal."""
+    x = y = 0.0
+    for step in range(1, PATH_STEPS + 1):
+        before, share = (x, y), step / PATH_STEPS
+        try:
             for _ in range(NEWTON_STEPS):
-                x, y, determinant = lens_distortion.towards(x, y, share * goal[0], share * goal[1], coefficients)
-                if not determinant > MIN_DETERMINANT or not abs(x) + abs(y) < 1e3:
-                    return Fold((x * x + y * y) ** 0.5, column, row)
+                x, y, _ = lens_distortion.towards(x, y, share * goal[0], share * goal[1], coefficients)
+                if not abs(x) + abs(y) < 1e3:
+                    return math.hypot(*before)
+            # the way there too: a step may lead over a fold to where the image has turned twice
+            for part in range(1, BETWEEN + 1):
+                place = [a + (b - a) * part / BETWEEN for a, b in zip(before, (x, y), strict=True)]
+                xx, xy, yy = lens_distortion.distortion_matrix(*place, coefficients)
+                if not xx * yy - xy * xy > MIN_DETERMINANT:
+                    return math.hypot(*before)
             at = lens_distortion.distort(x, y, coefficients)
-            if not abs(at[0] - share * goal[0]) + abs(at[1] - share * goal[1]) < 1e-6:
-                return Fold((x * x + y * y) ** 0.5, column, row)
+        except ZeroDivisionError:  # of a determinant, or where the rational term ends
+            return math.hypot(*before)
+        if not abs(at[0] - share * goal[0]) + abs(at[1] - share * goal[1]) < 1e-6:
+            return math.hypot(*before)
     return None
 
 

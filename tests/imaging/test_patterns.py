@@ -12,6 +12,7 @@ from irtscots_cl.opencl.structs import WEIGHT_ONE
 from irtscots_cl.optics.screen_windows import Windows
 from irtscots_cl.scene.instrument import Detector, Screen
 from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.scene.screen_shape import ScanLines
 from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.results.transport import Transport
 
@@ -143,3 +144,81 @@ def test_a_brightness_that_no_screen_can_have_is_refused(brightness, message):
 def test_a_pattern_of_another_screen_is_refused():
     with pytest.raises(ValueError, match=r"the pattern's screen has \(21, 21\) pixels, the transport's \(7, 5\)"):
         some_transport().images(LineScan(load_scene("sphere")))
+
+
+# --- lines that are wider or narrower than their distance ---------------------------------------------------
+
+LINES = [(1, 1, 0), (1, 2, 0), (2, 1, 0), (1, 3, 0), (1, 1, 2), (1, 2, 1)]  # step, width, first
+
+
+def with_lines(step: int, width: int, first: int):
+    scene = some_scene()
+    lines = ScanLines(step_px=step, width_px=width, first_px=first)
+    return dataclasses.replace(scene, screen=dataclasses.replace(scene.screen, lines=lines))
+
+
+@pytest.mark.parametrize("lines", LINES)
+@pytest.mark.parametrize("estimator", ["forward", "adjoint"])
+def test_a_line_lights_the_columns_that_the_table_says(estimator, lines):
+    """Frame k is the sum of the single columns first + k step ... + width - 1, and no others."""
+    step, width, first = lines
+    transport, pattern = some_transport(estimator), LineScan(with_lines(*lines))
+    stack, flux = transport.images(pattern), on_screen(transport)
+    for scan, of_screen, count in ((stack.x, flux.sum(1), COLUMNS), (stack.y, flux.sum(2), ROWS)):
+        starts = [s for s in range(first, count, step) if s + width <= count]
+        expected = np.stack([of_screen[:, s : s + width].sum(1).reshape(3, 4) for s in starts])
+        np.testing.assert_allclose(images_of(scan), expected, rtol=ROUNDING, atol=ROUNDING * expected.max())
+        middle = (np.array(starts) + (width - 1) / 2 - (count - 1) / 2) * 0.3
+        np.testing.assert_allclose(scan.positions_mm, middle + (0.4, -1.1)["xy".index(scan.axis)], atol=1e-14)
+        assert scan.line_width == pattern.line_width == width / step
+        assert pattern.spacing_mm(scan.axis) == pytest.approx(0.3 * step)
+
+
+@pytest.mark.parametrize("window", [1, 3, 8, 29])
+@pytest.mark.parametrize("lines", [(3, 2, 1), (2, 3, 0), (5, 1, 2), (1, 9, 0), (4, 4, 3), (6, 5, 9)])
+def test_windows_of_single_columns_become_windows_of_lines(lines, window):
+    step, width, first = lines
+    scene = with_lines(1, 1, 0)
+    table = ScanLines(step_px=step, width_px=width, first_px=first)
+    scene = dataclasses.replace(scene, screen=dataclasses.replace(scene.screen, pixels=(29, 29), lines=table))
+    pattern = LineScan(scene)
+    random = np.random.default_rng(window)
+    origins = random.integers(0, 29 - window + 1, 40)
+    single = random.uniform(0, 1, (2, 40, window))
+    whole = np.zeros((2, 40, 29))
+    for n, origin in enumerate(origins):
+        whole[:, n, origin : origin + window] = single[:, n]
+    curves, firsts = pattern.joined("x", single, origins)
+    count = len(pattern.positions_mm("x"))
+    found = np.zeros((2, 40, count))
+    for n, line in enumerate(firsts):
+        assert 0 <= line <= count - curves.shape[-1]
+        found[:, n, line : line + curves.shape[-1]] = curves[:, n]
+    starts = [s for s in range(first, 29, step) if s + width <= 29]
+    expected = np.stack([whole[..., s : s + width].sum(-1) for s in starts], -1)
+    np.testing.assert_allclose(found, expected, rtol=ROUNDING, atol=ROUNDING)
+
+
+def test_a_table_of_plain_lines_changes_no_bit():
+    plain, table = (some_transport().images(LineScan(s)) for s in (some_scene(), with_lines(1, 1, 0)))
+    for axis in ("x", "y"):
+        one, other = getattr(plain, axis), getattr(table, axis)
+        np.testing.assert_array_equal(images_of(one), images_of(other))
+        np.testing.assert_array_equal(one.positions_mm, other.positions_mm)
+        assert one.line_width == other.line_width == 1.0
+
+
+def test_brightness_is_of_single_screen_pixels_also_under_wide_lines():
+    brightness = np.random.default_rng(3).uniform(0, 1, (ROWS, COLUMNS))
+    transport = some_transport()
+    stack = transport.images(LineScan(with_lines(1, 2, 0), brightness))
+    of_screen = (on_screen(transport) * brightness).sum(1)
+    expected = np.stack([of_screen[:, s : s + 2].sum(1).reshape(3, 4) for s in range(COLUMNS - 1)])
+    np.testing.assert_allclose(images_of(stack.x), expected, rtol=ROUNDING, atol=ROUNDING * expected.max())
+
+
+def test_rays_between_the_lines_do_not_count_as_hits():
+    transport = some_transport()
+    whole, half = (transport.images(LineScan(with_lines(*lines))).x.hits for lines in ((1, 2, 0), (2, 1, 0)))
+    np.testing.assert_allclose(half, whole / 2, rtol=ROUNDING)
+    np.testing.assert_array_equal(whole, transport.hits())

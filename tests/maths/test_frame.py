@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from irtscots_cl.maths.frame import Frame
+from irtscots_cl.maths.frame import Frame, aim_of
 from irtscots_cl.maths.quadric import Quadric
 
 coordinate = st.floats(-5000, 5000)
@@ -41,6 +41,22 @@ def test_a_device_to_the_right_turns_about_y():
     frame = Frame.looking((4000 * np.sin(angle), 0.0, 4000 * np.cos(angle)), (0.0, 0.0, 0.0))
     expected = [[np.cos(angle), 0, -np.sin(angle)], [0, 1, 0], [np.sin(angle), 0, np.cos(angle)]]
     np.testing.assert_allclose(frame.axes, expected, rtol=0, atol=1e-15)  # rounding
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.tuples(coordinate, coordinate, st.floats(100, 5000)),
+    st.tuples(coordinate, coordinate, st.floats(-50, 50)),
+    st.floats(-3.1, 3.1),
+    st.floats(1, 1e4),
+)
+def test_aim_of_undoes_looking(position, look_at, turn, distance):
+    frame = Frame.looking(position, look_at, turn)
+    place, other_look_at, other_turn = aim_of(frame, distance)
+    again = Frame.looking(place, other_look_at, other_turn)
+    np.testing.assert_array_equal(again.position_mm, frame.position_mm)
+    np.testing.assert_allclose(again.axes, frame.axes, rtol=0, atol=1e-8)  # rounding of a place at 5 m, seen from 1 mm
+    assert np.linalg.norm(place - other_look_at) == pytest.approx(distance)
 
 
 def test_to_world_and_arrive_undo_each_other():

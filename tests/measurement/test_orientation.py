@@ -80,6 +80,24 @@ def test_a_symmetric_set_up_names_all_that_fit():
     assert best_orientation(truth, truth, [0.0, 0.0]).names == ()
 
 
+def test_what_a_symmetric_set_up_does_not_tell_is_listed():
+    """As recorded or wrong: the other ways that fit as well, the simplest first; none without a symmetry."""
+    row, column = np.meshgrid(np.linspace(-1, 1, 21), np.linspace(-1, 1, 21), indexing="ij")
+    right = best_orientation([column, row], [column, row], [0.0, 0.0])
+    assert right.names == right.images == () and len(right.alike) == 7  # each image has its own scans
+    assert "the rows upside down and the y scan reversed" in right.alike
+    assert right.alike[0].count(" and the ") == 1  # rows and columns, and the scans, exchanged; or one of each reversed
+    wrong = best_orientation([-column, row], [column, row], [0.0, 0.0])
+    assert dict(zip(wrong.names, wrong.images, strict=True)) == {
+        "the columns mirrored": "columns-reversed", "the x scan reversed": "upright",
+    }  # fmt: skip
+    assert len(wrong.alike) == 6 and not set(wrong.alike) & set(wrong.names)
+    truth = design()
+    assert best_orientation(truth, truth, CENTRES).alike == ()
+    turned = best_orientation([v[::-1, ::-1] for v in truth], truth, CENTRES)
+    assert (turned.images, turned.alike) == (("half-turn",), ())
+
+
 @pytest.mark.parametrize("count", [0, 3])
 def test_too_few_centroids_tell_nothing(count):
     truth = design()

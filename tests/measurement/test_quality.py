@@ -9,6 +9,7 @@ import pytest
 from image_faults import FAULTS
 from noisy_images import Images, images_of, setup_of, small
 
+from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.measurement import quality
 from irtscots_cl.measurement.light_curves import Flag
 from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check, check_images, worst
@@ -140,3 +141,39 @@ def test_left_out_frames_leave_good_pixels():
 def test_the_worst_level_of_checks():
     levels = [Check("a", level, 0.0, 0.0, 1e-6, "") for level in (OK, WARNING, OK, ERROR)]
     assert [worst(levels[:count]) for count in range(5)] == [OK, OK, WARNING, WARNING, ERROR]
+
+
+# --- orientation: what to set -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("now", ["upright", "rows-reversed", "quarter-turn"])
+@pytest.mark.parametrize("lies", ["upright", "columns-reversed", "half-turn", "transposed-half-turn"])
+def test_the_message_names_the_key_and_the_word_that_makes_the_images_fit(lies, now):
+    """Images that lie as `lies` in files, read by a scene that says `now`."""
+    scene = with_orientation(SCENE, now)
+    images = images_of(SCENE).noisy(0.002, 1)
+    check = checks_of(images.each(lambda a: upright(stored(a, lies), now)), scene)["orientation"]
+    if lies == now:
+        assert check.level == OK
+        return
+    assert check.level == ERROR and check.text.isprintable()
+    assert f'set camera.detector.orientation = "{lies}" (now "{now}")' in check.text
+    # the word mends it
+    mended = images.each(lambda a: upright(stored(a, lies), lies))
+    assert checks_of(mended, with_orientation(SCENE, lies))["orientation"].level == OK
+
+
+def test_a_symmetric_set_up_says_that_it_cannot_tell_and_what_would():
+    """The sphere on its axis: an image upside down, or the y scan reversed; both fit."""
+    check = faulty("rows upside down")["orientation"]
+    assert 'set camera.detector.orientation = "rows-reversed" (now "upright")' in check.text
+    assert "or mend the order of the lines (the y scan reversed)" in check.text
+    assert "a symmetric set-up does not tell these apart" in check.text and "a fiducial would tell" in check.text
+    good = checks_of(images_of(SCENE).noisy(0.002, 1))["orientation"]
+    assert good.level == OK and "the set-up is symmetric" in good.text and "a fiducial would tell" in good.text
+    assert "the rows upside down and the y scan reversed" in good.text
+
+
+def with_orientation(scene, word: str):
+    detector = replace(scene.camera.detector, orientation=word)
+    return replace(scene, camera=replace(scene.camera, detector=detector))

@@ -131,6 +131,22 @@ def test_steps_that_are_not_those_said_are_found_and_used():
         assert np.std(error) < 3e-4 and abs(np.mean(error)) < 3e-4
 
 
+@pytest.mark.parametrize("top", [110.0, 150.0])
+def test_wrong_steps_gamma_and_saturation_at_once(top):
+    """Steps of 2 pi / 15, a second harmonic of 20 %, and all or half of the pixels saturated."""
+    fifteenths = tuple(2 * np.pi * k / 15 for k in range(16))
+    sets = tuple(FringeSet.equal(axis, (0.9, 12.0), 16) for axis in "yx")
+    taken = tuple(FringeSet(axis, (0.9, 12.0), (fifteenths,) * 2) for axis in "yx")
+    found = screen_coordinates(stack_of(sets, taken=taken, gamma=1.75, top=top))
+    assert np.mean(found.x.missing[found.mask] > 0) > 0.5
+    assert len(found.notes) == 4 and all("2 pi / 15.0" in note for note in found.notes)
+    for axis, place in zip("xy", places(), strict=True):
+        error = (found.axes[axis].fraction - place)[mirror() & found.mask]
+        assert np.std(error) < 2e-4 and abs(np.mean(error)) < 2e-4
+        # a ratio of 0.2 whether from complete pixels or from those that lack samples
+        assert found.axes[axis].survey.second[1].ratio == pytest.approx(0.2, abs=0.005)
+
+
 def test_steps_that_ran_backwards_are_noticed():
     taken = tuple(FringeSet(axis, PERIODS, (tuple(-s for s in equal_steps(4)),) * 3) for axis in "yx")
     found = screen_coordinates(stack_of(both(), taken=taken))
@@ -161,6 +177,7 @@ def test_a_prior_replaces_the_lowest_series():
         assert np.abs(error).max() < 1.5e-3
     alone = screen_coordinates(stack_of(sets))
     assert np.nanmedian(alone.x.wrong) > 0.5
+    assert found.notes == () and "100% of the pixels fit several places on the screen" in alone.notes[0]
 
 
 def test_frames_one_by_one_give_the_same_bits():

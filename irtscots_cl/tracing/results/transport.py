@@ -74,15 +74,18 @@ class TraceResult:
 
     def _scan(self, pattern: LineScan, axis: str) -> Scan:
         columns, rows = self.scene.camera.detector.pixels
+        single_w = self.line_flux_w(axis, None if pattern.brightness is None else np.asarray(pattern.brightness))
+        flux_w, first = pattern.joined(axis, single_w, self.windows.origins[:, "xy".index(axis)])
         return Scan(
             axis,
             pattern.positions_mm(axis),
             (rows, columns),
             self.windows.pixels,
-            self.windows.origins[:, "xy".index(axis)].astype(np.int64),
-            self.line_flux_w(axis, None if pattern.brightness is None else np.asarray(pattern.brightness)),
+            first,
+            flux_w,
             self.rays.astype(float),
-            self.hits(),
+            self.hits() * min(1.0, pattern.line_width),  # rays that land between the lines are none
+            line_width=pattern.line_width,
         )
 
 
