@@ -13,7 +13,7 @@ import sys
 import warnings
 from typing import NoReturn
 
-from irtscots_cl.cli import bench, devices, kernel, paths, reconstruct, reproduce, run, scenes, stability
+from irtscots_cl.cli import bench, devices, kernel, paths, patterns, reconstruct, reproduce, run, scenes, stability
 from irtscots_cl.cli.common import (
     EXIT_BAD_INPUT,
     EXIT_INTERRUPTED,
@@ -26,7 +26,7 @@ from irtscots_cl.cli.common import (
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
-COMMANDS = (run, scenes, devices, kernel, paths, reconstruct, reproduce, bench, stability)
+COMMANDS = (run, scenes, devices, kernel, paths, patterns, reconstruct, reproduce, bench, stability)
 
 
 def main(arguments: list[str] | None = None) -> int:
