@@ -233,8 +233,9 @@ def _frame(where: str, table: Any) -> ShownFrame:
     axis, periods, step = (table.get(key) for key in _OF_FRINGES)
     if axis not in ("x", "y"):
         raise ValueError(f'{where}.axis = {_told(axis)}: must be "x" or "y"')
-    numbers = [_number(f"{where}.{key}", value) for key, value in (("periods", periods), ("step_deg", step))]
-    return ShownFrame(shows, str(axis), *numbers, **names)
+    return ShownFrame(
+        shows, str(axis), _number(f"{where}.periods", periods), _number(f"{where}.step_deg", step), **names
+    )
 
 
 def _number(key: str, value: Any) -> float:
