@@ -10,27 +10,29 @@ TIFF, PNG, FITS, SER, NPZ and NPY. Every image has its first row at the picture'
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
+from functools import cached_property
+from itertools import accumulate
 from pathlib import Path
+from threading import Lock
 from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from irtscots_cl.formats.frames import Frame, ImageFile, ReadOptions, first_line
+from irtscots_cl.formats.frames import Frame, ImageFile, ReadOptions, first_line, natural_key
 from irtscots_cl.system import interruption
 
-# Kind of file: the endings of its names, the bytes it begins with, the module with its `open_KIND`.
+# Kind of file: the endings of its names, the bytes it begins with.
 _KINDS = {
-    "TIFF": ((".tif", ".tiff", ".btf"), (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), "tiff"),
-    "PNG": ((".png",), (b"\x89PNG\r\n\x1a\n",), "png"),
-    "FITS": ((".fits", ".fit", ".fts", ".fz"), (b"SIMPLE  =",), "fits"),
-    "SER": ((".ser",), (b"LUCAM-RECORDER",), "ser"),
-    "NPZ": ((".npz",), (b"PK\x03\x04", b"PK\x05\x06"), "npz"),
-    "NPY": ((".npy",), (b"\x93NUMPY",), "npz"),
+    "TIFF": ((".tif", ".tiff", ".btf"), (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")),
+    "PNG": ((".png",), (b"\x89PNG\r\n\x1a\n",)),
+    "FITS": ((".fits", ".fit", ".fts", ".fz"), (b"SIMPLE  =",)),
+    "SER": ((".ser",), (b"LUCAM-RECORDER",)),
+    "NPZ": ((".npz",), (b"PK\x03\x04", b"PK\x05\x06")),
+    "NPY": ((".npy",), (b"\x93NUMPY",)),
 }
 # Known, and no measurement or not read here: what to do instead.
 _REFUSED = {
@@ -39,7 +41,7 @@ _REFUSED = {
     b"\x89HDF\r\n\x1a\n": "an HDF5 file: give it alone, not among images",
     b"\x1f\x8b": "packed by gzip; unpack it first",
 }
-SUFFIXES = frozenset(suffix for suffixes, _, _ in _KINDS.values() for suffix in suffixes)
+SUFFIXES = frozenset(suffix for suffixes, _ in _KINDS.values() for suffix in suffixes)
 _NAMED = 3  # names in a note
 
 
@@ -55,6 +57,7 @@ class FrameSource:
     saturation: float
     notes: tuple[str, ...]
     _last: dict[int, Frame] = field(default_factory=dict, repr=False, compare=False)
+    _lock: Any = field(default_factory=Lock, repr=False, compare=False)  # several threads may ask for frames
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -69,7 +72,7 @@ class FrameSource:
     @property
     def count(self) -> int:
         """Frames of all files."""
-        return sum(file.count for file in self.files)
+        return self._ends[-1]
 
     def __len__(self) -> int:
         return self.count
@@ -84,27 +87,34 @@ class FrameSource:
         if isinstance(number, slice):
             return [self[k] for k in range(*number.indices(self.count))]
         number = range(self.count)[number]  # IndexError outside
-        if number not in self._last:
-            interruption.check()
-            file, page = self.place(number)
-            image = file.read(page)
-            if image.shape != file.shape or image.dtype != file.dtype:
-                raise ValueError(f"{self.name(number)}: {_form(image.shape, image.dtype)}; its header says otherwise")
-            image.flags.writeable = False
-            self._last.clear()
-            self._last[number] = image
-        return self._last[number]
+        with self._lock:
+            if number not in self._last:
+                self._last.clear()
+                self._last[number] = self._read(number)
+            return self._last[number]
+
+    def _read(self, number: int) -> Frame:
+        interruption.check()
+        file, page = self.place(number)
+        image = file.read(page)
+        if image.shape != file.shape or image.dtype != file.dtype:
+            raise ValueError(f"{self.name(number)}: {_form(image.shape, image.dtype)}; its header says otherwise")
+        image.flags.writeable = False
+        return image
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[k] for k in range(self.count))
 
     def place(self, number: int) -> tuple[ImageFile, int]:
         """The file of a frame, and the frame's number in it."""
-        for file in self.files:
-            if number < file.count:
-                return file, number
-            number -= file.count
-        raise IndexError(number)
+        number = range(self.count)[number]  # IndexError outside
+        k = bisect_right(self._ends, number)
+        return self.files[k], number - (self._ends[k - 1] if k else 0)
+
+    @cached_property
+    def _ends(self) -> list[int]:
+        """Frames of the files up to each."""
+        return list(accumulate(file.count for file in self.files))
 
     def name(self, number: int) -> str:
         """What to call a frame in messages: its file, and its number there, from 1."""
@@ -189,12 +199,7 @@ def open_frames(
 
 def natural_order(paths: Iterable[Path]) -> list[Path]:
     """Paths by name, numbers in names by their value: frame_2 before frame_10."""
-    return sorted(paths, key=_natural_key)
-
-
-def _natural_key(path: Path) -> tuple[list[tuple[int, int, str]], str]:
-    parts = re.findall(r"[0-9]+|[^0-9]+", path.name)
-    return [(0, int(p), "") if p[0] in "0123456789" else (1, 0, p.casefold()) for p in parts], path.name
+    return sorted(paths, key=lambda path: natural_key(path.name))
 
 
 def _inside(folder: Path) -> tuple[list[Path], list[str]]:
@@ -222,7 +227,7 @@ def _hidden(path: Path) -> bool:
 
 
 def _kind_of_name(path: Path) -> str:
-    return next((kind for kind, (suffixes, _, _) in _KINDS.items() if path.suffix.lower() in suffixes), "")
+    return next((kind for kind, (suffixes, _) in _KINDS.items() if path.suffix.lower() in suffixes), "")
 
 
 def _order_notes(paths: list[Path]) -> list[str]:
@@ -246,12 +251,27 @@ def _open(path: Path, options: ReadOptions) -> ImageFile:
     for signature, what in _REFUSED.items():
         if start.startswith(signature):
             raise ValueError(f"{path}: {what}")
-    for kind, (_, signatures, module) in _KINDS.items():
+    for kind, (_, signatures) in _KINDS.items():
         if start.startswith(signatures):
-            opener = getattr(import_module(f"irtscots_cl.formats.{module}"), f"open_{kind.lower()}")
-            opened: ImageFile = opener(path, options)
-            return opened
+            return _opener(kind)(path, options)
     raise ValueError(f"{path}: not a readable image file: begins as none of {', '.join(_KINDS)} does")
+
+
+def _opener(kind: str) -> Callable[[Path, ReadOptions], ImageFile]:
+    """The reader of a kind of files; the libraries of the others are not imported."""
+    if kind == "TIFF":
+        from irtscots_cl.formats.tiff import open_tiff as opener
+    elif kind == "PNG":
+        from irtscots_cl.formats.png import open_png as opener
+    elif kind == "FITS":
+        from irtscots_cl.formats.fits import open_fits as opener
+    elif kind == "SER":
+        from irtscots_cl.formats.ser import open_ser as opener
+    elif kind == "NPZ":
+        from irtscots_cl.formats.npz import open_npz as opener
+    else:
+        from irtscots_cl.formats.npz import open_npy as opener
+    return opener
 
 
 def _check_alike(first: ImageFile, other: ImageFile) -> None:
