@@ -1,4 +1,4 @@
-"""The manifest of a fringe measurement: which frames are shown on the screen, and where the camera's images of them are.
+"""The manifest of a fringe measurement: the frames shown on the screen, and where the camera's images are.
 
     images = "camera"                    # a folder, a file, names with * and ?, or a list of these
     frames = [
@@ -6,7 +6,7 @@
       { picture = "02-x-0.9-0.png", shows = "fringes", axis = "x", periods = 0.9, step_deg = 0.0 },
     ]
 
-The images belong to the frames in their order; or every frame names its own, `image = "IMG_0412.tif"`. Names are those of
+The images belong to the frames in their order; or every frame names its own, `image = "IMG_0412.tif"`. Names are of
 files in the manifest's folder. docs/fringes.md says what each frame shows.
 """
 
@@ -64,16 +64,23 @@ class FringeManifest:
     """Frames in the order in which they are recorded.
 
     scene: name of the scene that the pictures were made for. screen_pixels: (columns, rows). images: where the camera's
-    images are, in the frames' order. ends, reverse: of the fringes of all axes, as in FringeSet. path: of its file.
+    images are, in the frames' order. bits: of a picture's values, 0 where that is not known. ends: of the fringes,
+    reverse: the axes that have it, as in FringeSet. path: of its file.
     """
 
     scene: str
     screen_pixels: tuple[int, int]
     frames: tuple[ShownFrame, ...]
     images: tuple[str, ...] = ()
+    bits: int = 0
     ends: str = "edges"
     reverse: tuple[str, ...] = ()
     path: Path = Path(NAME)
+
+    @property
+    def levels(self) -> int:
+        """Number of equal steps of a picture's values; 0 where that is not known."""
+        return 2**self.bits - 1 if self.bits else 0
 
     @property
     def sets(self) -> tuple[FringeSet, ...]:
@@ -114,24 +121,24 @@ def frames_of(sets: Iterable[FringeSet]) -> tuple[ShownFrame, ...]:
     return tuple(named)
 
 
-def manifest_text(manifest: FringeManifest, bits: int, version: str) -> str:
-    """A manifest as TOML, to be read by people as well. bits: of a picture's values. version: of this package."""
+def manifest_text(manifest: FringeManifest, version: str) -> str:
+    """A manifest as TOML, to be read by people as well. version: of this package."""
     columns, rows = manifest.screen_pixels
     lines = [
         "# Fringes on a screen: the frames in the order in which they are shown and recorded, a line each.",
-        "# picture: PNG to show, pixel for pixel. Its first row is the screen's +y edge, its first column the +x edge: the",
-        "# top and the left for who stands at the mirror and looks at a screen whose y points up.",
-        "# Fringes show 1/2 + 1/2 cos(2 pi periods s - step) of the full range; s grows from 0 at the -x (-y) edge of the",
-        "# pixel grid to 1 at its +x (+y) edge.",
+        "# picture: PNG to show, pixel for pixel. Its first row is the screen's +y edge, its first column the +x edge:",
+        "# the top and the left for who stands at the mirror and looks at a screen whose y points up.",
+        "# Fringes show 1/2 + 1/2 cos(2 pi periods s - step) of the full range; s grows from 0 at the -x (-y) edge of",
+        "# the pixel grid to 1 at its +x (+y) edge.",
         "#",
-        "# Put the camera's images into the folder named by `images`, in natural order of their names as the frames are:",
-        f"# then `irtscots reconstruct {NAME} --scene SCENE`. Or replace `images` by other names or a list of them, * and ?",
-        '# allowed; or add image = "NAME" to every line. Delete the lines of frames that were not recorded.',
+        "# Put the camera's images into the folder named by `images`, by name in the order of the frames:",
+        f"# then `irtscots reconstruct {NAME} --scene SCENE`. Or replace `images` by other names or a list of them,",
+        '# * and ? allowed; or add image = "NAME" to every line. Delete the lines of frames that were not recorded.',
         f"kind = {_quoted(KIND)}",
         f"version = {_quoted(version)}",
         f"scene = {_quoted(manifest.scene)}",
         f"screen_pixels = [{columns}, {rows}]  # columns, rows",
-        f"bits = {bits}",
+        f"bits = {manifest.bits}",
         'first_row = "+y"',
         'first_column = "+x"',
         f"images = {_list(manifest.images)}",
@@ -203,10 +210,19 @@ def _manifest(table: dict[str, Any], path: Path, scene: Scene | None) -> FringeM
     reverse = _strings("reverse", table.get("reverse", []))
     if not set(reverse) <= {"x", "y"}:
         raise ValueError(f'reverse = {list(reverse)}: must be a list of "x", "y" or both')
-    name = table.get("scene", "")
+    name, bits = table.get("scene", ""), table.get("bits", 0)
+    if type(bits) is not int or not 0 <= bits <= 16:
+        raise ValueError(f"bits = {_told(bits)}: must be a whole number from 1 to 16, or left out if not known")
     ends = table.get("ends", "edges")
     found = FringeManifest(
-        str(name), (pixels[0], pixels[1]), shown, _strings("images", table.get("images", [])), ends, reverse, path
+        str(name),
+        (pixels[0], pixels[1]),
+        shown,
+        _strings("images", table.get("images", [])),
+        bits,
+        ends,
+        reverse,
+        path,
     )
     axes = {one.axis for one in found.sets}  # and checks them
     if axes != {"x", "y"}:
@@ -267,8 +283,8 @@ def _strings(key: str, value: Any) -> tuple[str, ...]:
 def image_paths(manifest: FringeManifest) -> list[Path]:
     """The files or folders of the camera's images, in the frames' order. Raises ValueError where there are none.
 
-    Where the manifest names none and there is no folder `camera` beside it, they are the images in its own folder, apart
-    from the pictures for the screen.
+    Where the manifest names none and there is no folder `camera` beside it, they are the images in its own folder,
+    apart from the pictures for the screen.
     """
     folder = manifest.path.parent
     own = [folder / frame.image for frame in manifest.frames if frame.image]
@@ -280,8 +296,8 @@ def image_paths(manifest: FringeManifest) -> list[Path]:
     beside = [p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file() and p.name not in pictures]
     if not beside:
         raise ValueError(
-            f"{manifest.path}: no images of the camera in {folder / CAMERA} nor beside the manifest; put them there, or "
-            'say where they are: images = "FOLDER", or image = "NAME" in the line of each frame'
+            f"{manifest.path}: no images of the camera in {folder / CAMERA} nor beside the manifest; put them there, "
+            'or say where they are: images = "FOLDER", or image = "NAME" in the line of each frame'
         )
     return natural_order(beside)
 

@@ -116,11 +116,14 @@ def screen_coordinates(
     return ScreenCoordinates(mask, axes)
 
 
-def find_mask(stack: FringeStack) -> BoolArray:
-    """The pixels that see the mirror: from white less dark where there are such images, else from the amplitudes."""
+def find_mask(stack: FringeStack, largest: bool = True) -> BoolArray:
+    """The pixels that see the mirror: from white less dark where there are such images, else from the amplitudes.
+
+    largest: see mirror_mask.
+    """
     if stack.white is not None:
         signal = np.asarray(stack.white, float) - (0.0 if stack.dark is None else np.asarray(stack.dark, float))
-        return mirror_mask(signal)
+        return mirror_mask(signal, largest)
     weakest = np.full(stack.shape[0] * stack.shape[1], np.inf)
     for number, fringes in enumerate(stack.sets):
         lowest = int(np.argmin(fringes.periods))
@@ -131,7 +134,7 @@ def find_mask(stack: FringeStack) -> BoolArray:
                     amplitude = fit_sinusoid(flat[:, part], np.asarray(steps), stack.saturation).amplitude
                     weakest[part] = np.fmin(weakest[part], amplitude)
     weakest[~np.isfinite(weakest)] = np.nan
-    return mirror_mask(weakest.reshape(stack.shape))
+    return mirror_mask(weakest.reshape(stack.shape), largest)
 
 
 def _parts(count: int) -> list[slice]:

@@ -38,7 +38,7 @@ def show(scene: Scene, folder: Path, sets: Sequence[FringeSet], bits: int = 8) -
 
     The manifest comes last: one that is there has all its pictures. Raises ValueError.
     """
-    manifest = FringeManifest(scene.name, scene.screen.pixels, frames_of(sets), (CAMERA,), path=folder / NAME)
+    manifest = FringeManifest(scene.name, scene.screen.pixels, frames_of(sets), (CAMERA,), bits, path=folder / NAME)
     folder.mkdir(parents=True, exist_ok=True)
     with told_as_incomplete(folder):
         (folder / NAME).unlink(missing_ok=True)
@@ -46,5 +46,5 @@ def show(scene: Scene, folder: Path, sets: Sequence[FringeSet], bits: int = 8) -
             interruption.check()
             with replacing(folder / frame.picture) as temporary:
                 write_picture(temporary, picture(frame, scene, bits))
-        write_text(folder / NAME, manifest_text(manifest, bits, package_version()))
+        write_text(folder / NAME, manifest_text(manifest, package_version()))
     return manifest

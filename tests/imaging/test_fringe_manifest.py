@@ -27,8 +27,8 @@ SETS = (FringeSet.equal("x", (0.9, 3.0), 4), FringeSet.equal("y", (0.9, 2.5), 7)
 
 def written(path: Path, **changes) -> Path:
     """A manifest's file with some of its values changed."""
-    manifest = replace(FringeManifest("sphere", (21, 21), frames_of(SETS), ("camera",), path=path), **changes)
-    path.write_text(manifest_text(manifest, 8, "1"), encoding="utf-8")
+    manifest = replace(FringeManifest("sphere", (21, 21), frames_of(SETS), ("camera",), 8, path=path), **changes)
+    path.write_text(manifest_text(manifest, "1"), encoding="utf-8")
     return path
 
 
@@ -111,7 +111,7 @@ def test_frames_may_come_in_any_order(path):
     ],
 )
 def test_what_is_wrong_is_named_on_one_line(path, old, new, parts):
-    with pytest.raises(ValueError) as caught:
+    with pytest.raises(ValueError, match=r"manifest\.toml: ") as caught:
         read_manifest(changed(path, old, new), irt.load_scene("sphere"))
     text = str(caught.value)
     assert text.startswith(str(path)) and parts in text and "\n" not in text and len(text) < 400
