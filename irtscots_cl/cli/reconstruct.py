@@ -115,6 +115,10 @@ def _no_line_scans(options: argparse.Namespace) -> None:
 
 def _fringes(options: argparse.Namespace) -> int:
     """Images of fringes with a manifest."""
+    from irtscots_cl.imaging.fringe_images import own_manifest
+
+    if options.manifest is None:
+        own_manifest(options.images)  # a folder without one is named before options that do not go with it
     _no_line_scans(options)
     _no_calibration_files(options)
     scene = load_scene(options.scene)

@@ -61,7 +61,7 @@ def open_fringe_images(
     """
     given = list(paths)
     if manifest is None:
-        manifest, given = _own_manifest(given)
+        manifest, given = own_manifest(given)
     found = read_manifest(manifest, scene)
     frames = open_frames(given or image_paths(found), saturation=saturation)
     wanted = len(found.frames)
@@ -85,7 +85,7 @@ def open_fringe_images(
     return FringeImages(found, frames)
 
 
-def _own_manifest(paths: list[Path]) -> tuple[Path, list[Path]]:
+def own_manifest(paths: list[Path]) -> tuple[Path, list[Path]]:
     """The manifest among the paths, or in a folder that they are; and the other paths."""
     first = paths[0]
     if len(paths) == 1 and first.is_dir():
