@@ -69,8 +69,8 @@ def trace_rays(
 
 
 def _check_in_front(setup: Setup) -> None:
-    """Raise ValueError if part of the mirror is behind the screen's plane, where no ray of the screen goes, or not below
-    the screen: the kernels follow light that falls onto the mirror."""
+    """Raise ValueError if part of the mirror is behind the screen's plane, where no ray of the screen goes, or not
+    below the screen: the kernels follow light that falls onto the mirror."""
     chief = setup.chief_rays
     frame, points = chief.screen_frame, mirror_rings(chief.surface, RINGS)
     lowest, highest = float(screen_corners(chief)[:, 2].min()), max(float(points[..., 2].max()), 0.0)
