@@ -29,8 +29,8 @@ def add(commands) -> None:
         type=float,
         nargs="+",
         metavar="P",
-        help="numbers of periods over the screen, of a series each; default: 0.9, which tells the place, up to the most "
-        "precise one for the camera's aperture, by factors of at most 6",
+        help="numbers of periods over the screen, of a series each; default: 0.9, which tells the place, up to the "
+        "most precise one for the camera's aperture, by factors of at most 6",
     )
     parser.add_argument(
         "--levels", type=int, default=8, metavar="BITS", help="bits of a pixel's value, 8 or 16; default 8"

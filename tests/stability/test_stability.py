@@ -60,11 +60,10 @@ def test_the_host_too_meets_the_mirrors_own_half_alone(mirror):
 # --- the reference -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "scene", [load_scene("off-axis"), lopsided(), *map(scene_of, CURVATURES)], ids=lambda scene: scene.name
-)
-def test_exact_mirror_agrees_with_the_oracle(scene):
+@pytest.mark.parametrize("name", ["off-axis", "lopsided", *CURVATURES])
+def test_exact_mirror_agrees_with_the_oracle(name):
     """Two references, written apart: 50 digits with the factorial sums in x and y, float64 in polar coordinates."""
+    scene = scene_of(name)
     random, n = np.random.default_rng(5), 64
     x, y = random.uniform(-0.35, 0.35, (2, n)) * scene.mirror.diameter_mm
     p, q = random.uniform(-0.3, 0.3, (2, n))
