@@ -62,6 +62,12 @@ def add(commands) -> None:
         help="only what [calibration.known] says is known; without it an unknown has its usual size, such as 0.5 mm or "
         "0.1 degree",
     )
+    _add_reading(parser)
+    parser.add_argument("--strict", action="store_true", help="refuse a doubtful calibration, with exit code 2")
+
+
+def _add_reading(parser: argparse.ArgumentParser) -> None:
+    """What of the images may be used, as in reconstruct."""
     parser.add_argument(
         "--saturation",
         type=float,
@@ -77,7 +83,6 @@ def add(commands) -> None:
         help="picture (PNG, TIFF), NPY array or HDF5 file with a dataset `mask`, of the images' size and lying as they "
         "do: pixels where it is 0 are not used",
     )
-    parser.add_argument("--strict", action="store_true", help="refuse a doubtful calibration, with exit code 2")
 
 
 def _execute(options: argparse.Namespace) -> int:
