@@ -214,9 +214,10 @@ def reconstruct(
 
 
 def _usable(chief: ChiefRays, on_mirror: BoolArray, flags: IntArray, points: list[FloatArray]) -> BoolArray:
-    """The pixels [rows, columns] to use. Flags those whose light, by the design, comes from beside the screen's front."""
+    """The pixels [rows, columns] to use. Those whose light, by the design, comes from beside the screen's front are
+    flagged."""
     flags[(flags == Flag.GOOD) & on_mirror & ~np.isfinite(points).all(0)] = Flag.CLIPPED
-    mask = on_mirror & (flags == Flag.GOOD)
+    mask: BoolArray = on_mirror & (flags == Flag.GOOD)
     _check_enough(chief, on_mirror, mask, flags)
     return mask
 
