@@ -16,10 +16,12 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 from irtscots_cl.calibration.measured import Measurement, from_maps
+from irtscots_cl.imaging.image_files import read_images
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.light_curves import Flag
+from irtscots_cl.measurement.line_positions import check_fits
 from irtscots_cl.measurement.methods import BEST
 from irtscots_cl.measurement.one_scan import ScanEstimate
 from irtscots_cl.measurement.quality import ERROR, OK, Check, check_images
@@ -84,10 +86,9 @@ def from_images(
     """
     step, guess = step_of(scene, most), seen_as or scene
     setup = Setup(guess) if step == 1 else ThinnedSetup(guess, step)
-    if step > 1 and isinstance(setup, ThinnedSetup):
-        _check_shapes(stack, setup)
-        x_scan, y_scan = (scan.part(np.isin(scan.pixels, setup.chosen)) for scan in (stack.x, stack.y))
-        stack = ImageStack(x_scan, y_scan)
+    check_fits(stack, setup.chief_rays)
+    if step > 1:
+        stack = stack.masked(setup.chief_rays.sees_mirror)
     stack = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
     estimates = estimate_centroids(stack, setup, BEST)
     checks = _checks(stack, setup, estimates, step)
@@ -108,12 +109,6 @@ def from_images(
         **kind,
     )
     return measurement, checks
-
-
-def _check_shapes(stack: ImageStack, setup: Setup) -> None:
-    from irtscots_cl.measurement.line_positions import check_fits
-
-    check_fits(stack, setup.chief_rays)
 
 
 def _checks(stack: ImageStack, setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate], step: int) -> list[Check]:
@@ -153,18 +148,28 @@ def _inside(setup: Setup, flux: FloatArray, step: int) -> BoolArray:
 
 
 def from_file(
-    path: Path, scene: Scene, seen_as: Scene | None = None, most: int = MOST_PIXELS, **kind: Any
+    path: Path,
+    scene: Scene,
+    seen_as: Scene | None = None,
+    most: int = MOST_PIXELS,
+    *,
+    saturation: float = math.inf,
+    use: BoolArray | None = None,
+    **kind: Any,
 ) -> tuple[Measurement, list[Check]]:
     """A measurement from an HDF5 file: images, or places /screen/x_mm, y_mm with standard errors.
 
-    seen_as, most, kind: as for from_images. Raises ValueError for a file that has neither, or does not fit the scene.
+    saturation: value from which a sample is saturated. use: [rows, columns] upright pixels that may be used. seen_as,
+    most, kind: as for from_images. Raises ValueError for a file that has neither, or does not fit the scene.
     """
-    from irtscots_cl.imaging.image_files import read_images
-
     try:
-        places = _places_of(path, scene.camera.detector.orientation)
+        places = _places_of(path)
         if places is None:
-            return from_images(read_images(path, scene), scene, seen_as, most, **kind)
+            stack = read_images(path, scene).saturating_at(saturation)
+            return from_images(stack if use is None else stack.masked(use), scene, seen_as, most, **kind)
+        places = [upright(values, scene.camera.detector.orientation) for values in places]
+        if use is not None and use.shape == places[0].shape:
+            places[0] = np.where(use, places[0], np.nan)
         found = from_maps(scene, *places, **kind)
     except ValueError as error:
         said = str(error)
@@ -181,12 +186,12 @@ def is_of_images(path: Path) -> bool:
         return True
 
 
-def _places_of(path: Path, orientation: str) -> list[FloatArray] | None:
-    """Upright maps u, v and their errors [rows, columns] of a file without images; None for any other."""
+def _places_of(path: Path) -> list[FloatArray] | None:
+    """Maps u, v and their errors [rows, columns] of a file without images; None for any other."""
     if is_of_images(path):
         return None  # read_images says what is wrong with the file
     with h5py.File(path, "r") as file:
         missing = [name for name in PLACES if not isinstance(file.get(name), h5py.Dataset)]
         if missing:
             raise ValueError(f"{path}: /{missing[0]}: missing; a calibration needs places with standard errors")
-        return [upright(np.asarray(file[name][()], float), orientation) for name in PLACES]
+        return [np.asarray(file[name][()], float) for name in PLACES]

@@ -140,6 +140,30 @@ def test_a_file_of_images(tmp_path):
     np.testing.assert_array_equal(m.places_mm, direct.places_mm)
 
 
+def test_places_and_images_as_the_camera_stores_them(tmp_path):
+    path, of = tmp_path / "places.h5", images()
+    detector = replace(SCENE.camera.detector, orientation="quarter-turn")
+    scene = with_part(SCENE, "camera", detector=detector)
+    u = np.arange(625.0).reshape(25, 25)
+    write_places(path, screen__x_mm=stored(u, "quarter-turn"))
+    m, _ = from_file(path, scene)
+    np.testing.assert_array_equal(m.places_mm[0], u.ravel())
+    with h5py.File(tmp_path / "images.h5", "w") as file:
+        file["images/x"], file["images/y"] = (stored(a, "quarter-turn") for a in (of.x, of.y))
+        file["lines/x_mm"], file["lines/y_mm"] = of.lines_x, of.lines_y
+    turned, plain = from_file(tmp_path / "images.h5", scene)[0], from_images(of.stack(), SCENE)[0]
+    np.testing.assert_array_equal(turned.places_mm, plain.places_mm)
+
+
+def test_pixels_that_may_not_be_used(tmp_path):
+    use = np.ones((25, 25), bool)
+    use[:, :12] = False
+    write_places(tmp_path / "places.h5")
+    assert len(from_file(tmp_path / "places.h5", SCENE, use=use)[0].pixels) == 25 * 13
+    some, _ = from_images(images().stack().masked(use), SCENE)
+    assert len(some.pixels) > 50 and (some.pixels % 25).min() >= 12
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

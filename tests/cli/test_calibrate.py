@@ -64,6 +64,8 @@ def test_a_warning_goes_to_stderr_and_with_strict_is_an_error(irtscots, here):
         (("--mirror-order", "-1"), "--mirror-order = '-1': must be auto, or a whole number from 0 to 20"),
         (("--mirror-turn", "a"), "--mirror-turn = 'a': must be angles in degrees within 360, with commas between"),
         (("--mirror-turn", "0,90"), "--mirror-turn = 2 angles: must be one for each of the 1 files"),
+        (("--saturation", "0"), "--saturation = 0.0: must be above 0"),
+        (("--mask", "none.png"), "--mask = 'none.png': not a readable mask: "),
         (("--no-default-priors", "--fit", "camera,screen,mirror"), "no image and no prior determines"),
     ],
 )
