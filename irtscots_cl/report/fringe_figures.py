@@ -42,7 +42,7 @@ def screen_figure(coordinates: ScreenCoordinates, result: Reconstruction) -> Fig
 
 def quality_figure(coordinates: ScreenCoordinates, result: Reconstruction, reason: IntArray | None = None) -> Figure:
     """One page: brightness, modulation, residual, samples left out, confidence in the orders, agreement of the series,
-    and, where it is known, why pixels are not used (fringe_file.REASON_UNIT). coordinates, reason: of the images as stored."""
+    and, where it is known, why pixels are not used (fringe_file.REASON_UNIT). coordinates, reason: as stored."""
     axes = coordinates.axes.values()
     with np.errstate(divide="ignore", invalid="ignore"):
         residual = [np.fmax.reduce(one.residual / one.amplitude) for one in axes]
@@ -75,7 +75,8 @@ def _maps_figure(
         axes.set_axis_off()
     for axes, (title, values) in zip(places, maps.items(), strict=False):
         picture = axes.imshow(upright(values, orientation)[cut], origin="lower", extent=edges)
-        axes.set(title=title, xlabel="detector column", ylabel="detector row")
+        axes.set_title(title, fontsize=10)
+        axes.set(xlabel="detector column", ylabel="detector row")
         mark_x(axes, towards)
         figure.colorbar(picture, ax=axes)
     return figure
