@@ -16,9 +16,12 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 from irtscots_cl.calibration.measured import Measurement, from_maps
+from irtscots_cl.imaging.image_files import read_images
 from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.light_curves import Flag
+from irtscots_cl.measurement.line_positions import check_fits
 from irtscots_cl.measurement.methods import BEST
 from irtscots_cl.measurement.one_scan import ScanEstimate
 from irtscots_cl.measurement.quality import ERROR, OK, Check, check_images
@@ -32,6 +35,7 @@ from irtscots_cl.scene.model import Scene
 
 MOST_PIXELS = 150_000  # whose light is estimated,
 FEW_PIXELS = 2_000  # and for a first guess of the geometry
+SAMPLES = 64  # along each axis, to count the pixels that see the mirror
 EDGE = 2  # pixels beside the mirror's edge that are left out
 LIT = 0.5  # of the median light
 WHOLE = 0.999  # of a pixel's footprint that must lie on the mirror
@@ -62,9 +66,13 @@ class ThinnedSetup(Setup):
 
 
 def step_of(scene: Scene, most: int = MOST_PIXELS) -> int:
-    """Every how many rows and columns a pixel of a scene's images is used, for at most so many."""
-    columns, rows = scene.camera.detector.pixels
-    return max(math.ceil(math.sqrt(rows * columns / most)), 1)
+    """Every how many rows and columns a pixel of a scene's images is used, for about so many on the mirror at most."""
+    chief = ChiefRays(scene)
+    row, column = np.meshgrid(*(np.linspace(0, n - 1, min(n, SAMPLES)) for n in chief.shape), indexing="ij")
+    points = chief.reverse(row, column)[0]
+    with np.errstate(invalid="ignore"):
+        share = float(np.mean(chief.surface.contains(points[..., 0], points[..., 1])))
+    return max(math.ceil(math.sqrt(chief.shape[0] * chief.shape[1] * share / most)), 1)
 
 
 def from_images(
@@ -78,10 +86,9 @@ def from_images(
     """
     step, guess = step_of(scene, most), seen_as or scene
     setup = Setup(guess) if step == 1 else ThinnedSetup(guess, step)
-    if step > 1 and isinstance(setup, ThinnedSetup):
-        _check_shapes(stack, setup)
-        x_scan, y_scan = (scan.part(np.isin(scan.pixels, setup.chosen)) for scan in (stack.x, stack.y))
-        stack = ImageStack(x_scan, y_scan)
+    check_fits(stack, setup.chief_rays)
+    if step > 1:
+        stack = stack.masked(setup.chief_rays.sees_mirror)
     stack = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
     estimates = estimate_centroids(stack, setup, BEST)
     checks = _checks(stack, setup, estimates, step)
@@ -102,12 +109,6 @@ def from_images(
         **kind,
     )
     return measurement, checks
-
-
-def _check_shapes(stack: ImageStack, setup: Setup) -> None:
-    from irtscots_cl.measurement.line_positions import check_fits
-
-    check_fits(stack, setup.chief_rays)
 
 
 def _checks(stack: ImageStack, setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate], step: int) -> list[Check]:
@@ -147,18 +148,28 @@ def _inside(setup: Setup, flux: FloatArray, step: int) -> BoolArray:
 
 
 def from_file(
-    path: Path, scene: Scene, seen_as: Scene | None = None, most: int = MOST_PIXELS, **kind: Any
+    path: Path,
+    scene: Scene,
+    seen_as: Scene | None = None,
+    most: int = MOST_PIXELS,
+    *,
+    saturation: float = math.inf,
+    use: BoolArray | None = None,
+    **kind: Any,
 ) -> tuple[Measurement, list[Check]]:
     """A measurement from an HDF5 file: images, or places /screen/x_mm, y_mm with standard errors.
 
-    seen_as, most, kind: as for from_images. Raises ValueError for a file that has neither, or does not fit the scene.
+    saturation: value from which a sample is saturated. use: [rows, columns] upright pixels that may be used. seen_as,
+    most, kind: as for from_images. Raises ValueError for a file that has neither, or does not fit the scene.
     """
-    from irtscots_cl.imaging.image_files import read_images
-
     try:
         places = _places_of(path)
         if places is None:
-            return from_images(read_images(path), scene, seen_as, most, **kind)
+            stack = read_images(path, scene).saturating_at(saturation)
+            return from_images(stack if use is None else stack.masked(use), scene, seen_as, most, **kind)
+        places = [upright(values, scene.camera.detector.orientation) for values in places]
+        if use is not None and use.shape == places[0].shape:
+            places[0] = np.where(use, places[0], np.nan)
         found = from_maps(scene, *places, **kind)
     except ValueError as error:
         said = str(error)

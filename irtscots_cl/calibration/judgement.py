@@ -26,6 +26,7 @@ PATCHES = 8  # along each axis: means over them show patterns below the noise of
 PATTERN = 1.5  # of the means' squares to those of noise
 GAIN = 30.0  # of chi-square: 4e-8 for noise alone, for one further unknown
 NAMED = 3  # further unknowns that are named
+OWN = 0.1  # of a prior's standard deviation: the least that a value is taken to be free to differ by
 PULL = 4.0  # standard deviations between an unknown's value and its prior
 REJECTED = 0.01  # of the pixels
 FROM_DATA, FROM_PRIOR = 0.5, 0.9  # posterior over prior standard deviation: below, above
@@ -35,9 +36,9 @@ TAKEN = 0.1  # of a mirror term that passes for geometry
 
 def judge(fit: Adjustment, wide: Wide, effects: HeightEffects) -> list[Check]:
     """All checks of a fit; each says what to do."""
-    checks = [_chi_square(fit, wide), _pattern(fit), _priors(fit), _rejected(fit), _converged(fit)]
-    if checks[0].level != OK:
-        checks.insert(1, _surface(fit, effects))
+    checks = [_priors(fit), _chi_square(fit, wide), _pattern(fit), _rejected(fit), _converged(fit)]
+    if checks[1].level != OK:
+        checks.insert(2, _surface(fit, effects))
     return [*checks, _taken(fit, effects)]
 
 
@@ -46,9 +47,9 @@ def verdict(checks: list[Check]) -> str:
     failed = [check for check in checks if check.level != OK]
     if not failed:
         return "good: the fitted set-up explains the images within their noise"
-    if any(check.name in ("chi-square", "pattern", "priors") for check in failed):
-        named = next(check for check in failed if check.name in ("chi-square", "pattern", "priors"))
-        return f"the model does not explain the data: {named.text}"
+    named = [check.text for check in failed if check.name in ("priors", "chi-square", "pattern")]
+    if named:
+        return f"the model does not explain the data: {'; '.join(named[:2])}"
     return f"with reservations: {failed[0].text}"
 
 
@@ -138,7 +139,7 @@ def prior_pulls(fit: Adjustment) -> FloatArray:
     The difference has the variance of the prior less that of the result: what both share is no difference.
     """
     sigmas = fit.problem.sigmas
-    variance = np.maximum(sigmas**2 - fit.errors**2, (1e-3 * sigmas) ** 2)
+    variance = np.maximum(sigmas**2 - fit.errors**2, (OWN * sigmas) ** 2)
     found: FloatArray = fit.values / np.sqrt(variance)
     return found
 

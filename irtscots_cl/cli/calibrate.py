@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
 from irtscots_cl.cli.common import command, print_json, print_tables, warn_of
+from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 
 FILES = ("scene.toml", "report.json", "calibration.h5")
@@ -60,7 +62,27 @@ def add(commands) -> None:
         help="only what [calibration.known] says is known; without it an unknown has its usual size, such as 0.5 mm or "
         "0.1 degree",
     )
+    _add_reading(parser)
     parser.add_argument("--strict", action="store_true", help="refuse a doubtful calibration, with exit code 2")
+
+
+def _add_reading(parser: argparse.ArgumentParser) -> None:
+    """What of the images may be used, as in reconstruct."""
+    parser.add_argument(
+        "--saturation",
+        type=float,
+        default=math.inf,
+        metavar="V",
+        help="value from which on a sample of the images is saturated and not used; default: the images' own ceiling, "
+        "where they show one",
+    )
+    parser.add_argument(
+        "--mask",
+        type=Path,
+        metavar="FILE",
+        help="picture (PNG, TIFF), NPY array or HDF5 file with a dataset `mask`, of the images' size and lying as they "
+        "do: pixels where it is 0 are not used",
+    )
 
 
 def _execute(options: argparse.Namespace) -> int:
@@ -81,6 +103,8 @@ def _execute(options: argparse.Namespace) -> int:
     except ValueError as error:
         raise ValueError(f"--fit, --hold: {error}") from None
     plans = planned(options.images, scene, turns, known=options.mirror_known)
+    for plan in plans:
+        plan.kind.update(_reading(options, plan.scene))
     fitted = Unknowns(unknowns, order, hold, options.default_priors, options.scene)
     with made_folder(folder):
         facts = calibrate_files(plans, scene, folder, fitted, strict=options.strict)
@@ -91,6 +115,19 @@ def _execute(options: argparse.Namespace) -> int:
         print_tables(calibration_tables(facts))
         print(f"results in {folder}")
     return 0
+
+
+def _reading(options: argparse.Namespace, scene: Scene) -> dict[str, object]:
+    """What of the images may be used."""
+    if not options.saturation > 0:
+        raise ValueError(f"--saturation = {options.saturation}: must be above 0")
+    if options.mask is None:
+        return {"saturation": options.saturation}
+    from irtscots_cl.imaging.mask_files import read_mask
+
+    columns, rows = scene.camera.detector.pixels
+    mask = read_mask(options.mask, (rows, columns), scene.camera.detector.orientation)
+    return {"saturation": options.saturation, "use": mask}
 
 
 def _order(text: str) -> int | None:

@@ -17,9 +17,9 @@ ALONG_Y = 1e-12  # rad from the world's Y axis, about the rounding of positions:
 class Frame:
     """A device's frame in world coordinates: origin at the device, +z away from the point it looks at.
 
-    position_mm: [3]; axes: [3, 3], the rows are the unit vectors x, y, z. x = unit(Y_world x z), y = z x x. For a device
-    that looks along the world's Y, where this has no direction, x = X_world: the limit for a device that turns from Z to
-    Y. No rule is continuous there. So x never has a part along Y_world, which the kernels rely on.
+    position_mm: [3]; axes: [3, 3], the rows are the unit vectors x, y, z. x = unit(Y_world x z), y = z x x. For a
+    device that looks along the world's Y, where this has no direction, x = X_world: the limit for a device that turns
+    from Z to Y. No rule is continuous there. Before it is turned about z, x has no part along Y_world.
     """
 
     position_mm: FloatArray

@@ -183,10 +183,7 @@ def reconstruct(
     centroid_x, centroid_y, flags = _both_scans(setup, stack, light_curve, threshold, estimates)
     on_mirror = (chief.footprint.coverage >= min_coverage) & (True if stack.use is None else stack.use)
     points = design_points(setup)
-    # of the design, part of such a pixel's light comes from beside the screen's front
-    flags[(flags == Flag.GOOD) & on_mirror & ~np.isfinite(points).all(0)] = Flag.CLIPPED
-    mask = on_mirror & (flags == Flag.GOOD)
-    _check_enough(chief, on_mirror, mask, flags)
+    mask = _usable(chief, on_mirror, flags, points)
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in points)
     slope_x, slope_y, deviation, islands = surface_of(
         chief, (x_mm, y_mm), (u_mm, v_mm), mask, (centroid_x, centroid_y), method, pixel_average
@@ -214,6 +211,15 @@ def reconstruct(
         estimates_of_scans=estimates,
         islands=islands,
     )
+
+
+def _usable(chief: ChiefRays, on_mirror: BoolArray, flags: IntArray, points: list[FloatArray]) -> BoolArray:
+    """The pixels [rows, columns] to use. Those whose light, by the design, comes from beside the screen's front are
+    flagged."""
+    flags[(flags == Flag.GOOD) & on_mirror & ~np.isfinite(points).all(0)] = Flag.CLIPPED
+    mask: BoolArray = on_mirror & (flags == Flag.GOOD)
+    _check_enough(chief, on_mirror, mask, flags)
+    return mask
 
 
 def _check_enough(chief: ChiefRays, on_mirror: BoolArray, mask: BoolArray, flags: IntArray) -> None:

@@ -71,7 +71,8 @@ class ScreenModel:
     def arrive(self, points_mm: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Places (u, v) [...] in mm that rays from world points [..., 3] along directions [..., 3] light.
 
-        NaN where a ray does not come onto the screen's front, or misses the bent surface. The grid's edges are ignored: the surface goes on as a plane.
+        NaN where a ray does not come onto the screen's front, or misses the bent surface. The grid's edges are ignored:
+        the surface goes on as a plane.
         """
         u, v = self.frame.arrive(points_mm, directions, in_front=True)
         if self.is_plain:

@@ -51,7 +51,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Planned:
-    """A measurement before its images are read: its file, its scene, and the further arguments of Measurement."""
+    """A measurement before its images are read: its file, its scene, and the further arguments of from_file."""
 
     path: Path
     scene: Scene

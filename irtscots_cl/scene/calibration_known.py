@@ -42,8 +42,12 @@ def _flat(table: Any) -> Any:
     for key, value in table.items():
         if isinstance(value, dict) and not value.keys() & {"sigma", "mm", "source"}:
             found |= {f"{key}.{inner}": part for inner, part in _flat(value).items()}
+        elif isinstance(value, float | int):
+            found[key] = {"sigma": value}
+        elif isinstance(value, dict | Knowledge):
+            found[key] = value
         else:
-            found[key] = {"sigma": value} if isinstance(value, float | int) else value
+            refuse((key,), value, "be a number, or a table { sigma, mm, source }")
     return found
 
 

@@ -20,10 +20,11 @@ TRUE = {"camera.x_mm": 0.4, "camera.tilt_y_rad": 1e-3, "screen.z_mm": -0.3, "scr
 
 def test_values_and_covariance_are_those_of_scipy():
     unknowns = f"{POSES},camera.k1,zernike.4-6"
-    m = measured(SCENE, TRUE | {"zernike.5_um": 0.2})
+    scene = paraboloid(15)
+    m = measured(scene, TRUE | {"zernike.5_um": 0.2})
     fit = fitted(m, unknowns)
-    names = named_unknowns(unknowns, SCENE)
-    sigmas = np.array([priors_of(names, SCENE)[name].sigma for name in names])
+    names = named_unknowns(unknowns, scene)
+    sigmas = np.array([priors_of(names, scene)[name].sigma for name in names])
 
     def residuals(scaled):
         left = (m.places_mm - m.predicted(dict(zip(names, scaled * sigmas, strict=True)))) / NOISE_MM

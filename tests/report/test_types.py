@@ -7,14 +7,17 @@ import typing
 
 import numpy as np
 import pytest
+from calibrations import knowing, measured, paraboloid
 from synthetic import noise_free_stack, small_scene
 
 from irtscots_cl.analysis.stray_light import StrayLight
+from irtscots_cl.calibration.calibrate import calibrate
 from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.opencl.device import describe_together
 from irtscots_cl.pipeline.measure import measure
 from irtscots_cl.pipeline.simulate import simulate
 from irtscots_cl.pipeline.target import Setting
+from irtscots_cl.report.calibration import CalibrationFacts, calibration_facts
 from irtscots_cl.report.facts import path_facts
 from irtscots_cl.report.types import DeviceFacts, Ledger, MeasuredFacts, PathReport, Report, SettingFacts
 from irtscots_cl.scene.detector_noise import DetectorNoise
@@ -93,3 +96,9 @@ def test_path_report():
 
 def test_measured_facts(tmp_path):
     check(measure(noise_free_stack(small_scene()), small_scene().nominal(), tmp_path), MeasuredFacts)
+
+
+def test_calibration():
+    scene = knowing(paraboloid(21), camera_to_screen=(436.2, 0.05))
+    found = calibrate([measured(scene, {"camera.x_mm": 0.3})], scene)
+    check(calibration_facts(found, []), CalibrationFacts)

@@ -116,8 +116,10 @@ def test_a_conic_that_ends_inside_the_rim_names_the_largest_diameter():
     [
         # the same limits as of the concave mirror of this radius
         ({"radius_mm": -500.0}, "diameter_mm = 1064.0: must be below 1000, where the conic ends"),
-        ({"radius_mm": -4000.0, "off_axis_mm": 3900.0}, "diameter_mm = 1064.0: must be below 200, where the conic ends"),
-        ({"radius_mm": -4000.0, "off_axis_mm": 4000.0}, "off_axis_mm = 4000.0: must be below 4000, where the conic ends"),
+        ({"radius_mm": -4000.0, "off_axis_mm": 3900.0},
+         "diameter_mm = 1064.0: must be below 200, where the conic ends"),
+        ({"radius_mm": -4000.0, "off_axis_mm": 4000.0},
+         "off_axis_mm = 4000.0: must be below 4000, where the conic ends"),
         ({"radius_mm": math.inf, "conic": -1.0},
          "conic = -1.0: must be 0 for a flat mirror; a finite radius_mm makes it curved"),
         ({"radius_mm": math.inf, "off_axis_mm": 5.0},
@@ -248,9 +250,8 @@ def scenes(draw):
     off_axis = min(draw(st.floats(0.0, 0.4)) * reach, 1e6)
     hole = draw(st.floats(0.0, 0.99)) * diameter
     deviation = tuple(draw(st.lists(terms, max_size=2)))
-    curved = Mirror(
-        draw(st.sampled_from([1, -1])) * radius, diameter, conic, off_axis, hole, draw(fractions), deviation
-    )
+    sign = draw(st.sampled_from([1, -1]))
+    curved = Mirror(sign * radius, diameter, conic, off_axis, hole, draw(fractions), deviation)
     flat = dataclasses.replace(curved, radius_mm=math.inf, conic=0.0, off_axis_mm=0.0)
     mirror = draw(st.sampled_from([curved, flat]))
     height = diameter * 6 + draw(lengths) + 1e4

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
+import h5py
 import numpy as np
 from scenes import coarse
 from scipy.ndimage import binary_erosion
@@ -25,8 +27,6 @@ def paraboloid(pixels: int = 31) -> Scene:
     """An f/2 paraboloid near its centre of curvature, on few detector pixels."""
     scene = coarse("sphere", pixels)
     mirror = Mirror(radius_mm=scene.mirror.radius_mm, diameter_mm=scene.mirror.diameter_mm, conic=-1.0)
-    from dataclasses import replace
-
     screen = replace(scene.screen, pixels=(121, 121), pitch_mm=0.2)
     return replace(scene, name="paraboloid", mirror=mirror, screen=screen)
 
@@ -58,10 +58,18 @@ def fitted(measurements, unknowns: str, scene: Scene | None = None, **how) -> Ad
 
 def knowing(scene: Scene, **known: float | tuple[float, float]) -> Scene:
     """The scene with [calibration.known]: a sigma, or (mm, sigma) of a distance; __ stands for a dot, _to_ for to."""
-    from dataclasses import replace
-
     table = {}
     for key, value in known.items():
         name = key.replace("__", ".").replace("_to_", " to ")
         table[name] = Knowledge(sigma=value) if isinstance(value, float) else Knowledge(mm=value[0], sigma=value[1])
     return replace(scene, calibration=Calibration(known=table))
+
+
+def write_places(path, **changed) -> None:
+    """A file of places on the screen, of 25 x 25 pixels, with other datasets in their place; None leaves one out."""
+    content = {f"screen/{axis}_mm": np.full((25, 25), 0.1) for axis in "xy"}
+    content |= {f"screen/{axis}_standard_error_mm": np.full((25, 25), 1e-3) for axis in "xy"}
+    with h5py.File(path, "w") as file:
+        for name, value in (content | {k.replace("__", "/"): v for k, v in changed.items()}).items():
+            if value is not None:
+                file[name] = value

@@ -14,7 +14,6 @@ from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 
-
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CURVATURES = ("convex", "flat", "lopsided-convex", "sideways")  # not concave; names of scene_of
 
