@@ -50,6 +50,7 @@ DEVICE_FAMILIES = {
     "glass": ["none", "plate"],
 }
 PLAIN = {family: members[0] for family, members in DEVICE_FAMILIES.items()}
+LENSES = ["polynomial", "rational"]  # of a camera with distortion
 REAL = {family: members[1] for family, members in DEVICE_FAMILIES.items()}
 STRUCTS = {"Launch": LAUNCH}
 
@@ -116,6 +117,7 @@ def test_every_kind_of_camera_and_screen_composes_and_builds(device, precision, 
     packed = pack(ChiefRays(real_setup(shape, glass, distorted)), precision)
     expected = {"frame": "turned", "camera": "distorted" if distorted else "plain",
                 "screen": "flat" if shape == "flat" else "bent", "glass": "plate" if glass else "none"}  # fmt: skip
+    assert packed.choices.get("lens") == ("rational" if distorted else None)
     assert packed.choices | expected == packed.choices
     choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
     for estimator, width in itertools.product((*ESTIMATORS, "lines"), {1, device.vector_width(precision)}):
@@ -135,8 +137,9 @@ def test_no_kernel_file_is_dead():
         for precision, width in itertools.product(("fp32", "fp64"), (1, 8))
         for file in compose(f"trace_{estimator}.cl", choices, STRUCTS, precision, width).files
     }
-    for estimator in (*ESTIMATORS, "lines"):
-        used |= set(compose(f"trace_{estimator}.cl", next(all_choices()) | REAL, STRUCTS, "fp32", 8).files)
+    for estimator, lens in itertools.product((*ESTIMATORS, "lines"), LENSES):
+        choices = next(all_choices()) | REAL | {"lens": lens}
+        used |= set(compose(f"trace_{estimator}.cl", choices, STRUCTS, "fp32", 8).files)
     for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
     for *members, light in itertools.product(*PATH_FAMILIES.values(), LIGHT_FAMILIES["light"]):
@@ -163,7 +166,7 @@ def test_families_here_are_those_of_the_folder():
         for path in kernel_files().values()
         for star in re.findall(r'^#include "([a-z0-9_]+)_\*\.cl"', path.read_text(), re.M)
     }
-    families = FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES
+    families = FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES | {"lens": LENSES}
     assert stars == {*families, "simd", "real"}
     for family, members in families.items():
         assert {f"{family}_{member}.cl" for member in members} == {
