@@ -16,6 +16,7 @@ from irtscots_cl.measurement.methods import measure_by
 from irtscots_cl.measurement.reconstruction import reconstruct
 from irtscots_cl.opencl.structs import WEIGHT_ONE
 from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.scene.mirror import Mirror
 from irtscots_cl.tracing.packing.scene import pack
 from irtscots_cl.tracing.trace import trace
 
@@ -132,3 +133,18 @@ def test_light_wider_than_the_screen_is_named_where_no_pixel_can_be_used(device)
     stack = trace(scene, device=device, rays_per_pixel=512).images(LineScan(scene))
     with pytest.raises(ValueError, match="a pixel sees .* mm of the screen's plane at a time and the screen has 875 x"):
         reconstruct(stack, scene)
+
+
+def test_pixels_whose_light_passes_the_screen_are_left_out(device):
+    """A screen that stands beside a convex mirror: the rays of the other half of the mirror run away from it."""
+    scene = scene_of("convex")
+    screen = replace(scene.screen, position_mm=(700.0, 0.0, 800.0), look_at_mm=(0.0, 0.0, 800.0))
+    camera = replace(scene.camera, position_mm=(0.0, 0.0, 1000.0))
+    mirror = Mirror(radius_mm=-300.0, diameter_mm=200.0)
+    scene = coarse(replace(scene, mirror=mirror, screen=screen, camera=camera), 50)
+    run = trace(scene, device=device, rays_per_pixel=512)
+    assert run.ledger["off_screen"] > run.ledger["detected"]
+    found = reconstruct(run.images(LineScan(scene)), scene)
+    assert 50 < found.pixels_used < 0.5 * found.on_mirror.sum() and found.x_mm[found.mask].min() > 20.0
+    assert np.isfinite(found.deviation_mm[found.height_mask]).all()
+    assert np.isnan(found.setup.chief_rays.corners[1]).any()
