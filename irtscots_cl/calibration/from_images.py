@@ -106,6 +106,7 @@ def from_images(
         np.hypot(errors.reshape(2, -1)[:, pixels], FLOOR * pitch),
         np.stack([u - at_u, v - at_v]),
         np.stack([x - points[:, 0], y - points[:, 1]]),
+        every=step,
         **kind,
     )
     return measurement, checks

@@ -47,9 +47,10 @@ class HeightGrid:
     def of(cls, measurement: Measurement, scene: Scene, used: BoolArray) -> HeightGrid:
         """used: [n] of the measurement's pixels. The scene's mirror is the design, without its Zernike terms."""
         chief = ChiefRays(scene.nominal())
-        step = max(math.ceil(math.sqrt(used.sum() / MOST_NODES)), 1)
-        row, column = measurement.place_of()
-        chosen = np.flatnonzero((row % step == step // 2) & (column % step == step // 2) & used)
+        times = max(math.ceil(math.sqrt(used.sum() / MOST_NODES)), 1)
+        step, (row, column) = times * measurement.every, measurement.place_of()
+        on_grid = [(place // measurement.every) % times == times // 2 for place in (row, column)]
+        chosen = np.flatnonzero(on_grid[0] & on_grid[1] & used)
         points, u, v = chief.reverse(row[chosen], column[chosen])
         mirror = np.stack([points[:, 0], points[:, 1]]) + measurement.mirror_offsets_mm[:, chosen]
         landing = np.stack([u, v]) + measurement.offsets_mm[:, chosen]
@@ -131,7 +132,7 @@ class HeightGrid:
 
 def _on_grid(measurement: Measurement, step: int, chosen: IntArray, values: FloatArray) -> FloatArray:
     row, column = measurement.place_of(chosen)
-    rows, columns = (len(range(step // 2, count, step)) for count in measurement.shape)
+    rows, columns = (-(-count // step) for count in measurement.shape)
     maps = np.full((*values.shape[:-1], rows, columns), np.nan)
     maps[..., row // step, column // step] = values
     return maps

@@ -32,7 +32,7 @@ class Measurement:
     what the light of a pixel lies from the chief ray of its centre. mirror_offsets_mm: [2, n] the same of its place
     (x, y) on the mirror. turn_rad: by which the mirror was turned about its axis, from x towards y. knows_mirror: the
     mirror is the scene's, with no terms of its own (a reference). own: names of unknowns that have a value of their own
-    here, in addition to the shared one. name: for messages.
+    here, in addition to the shared one. name: for messages. every: the pixels are of every so many rows and columns.
     """
 
     scene: Scene
@@ -45,6 +45,7 @@ class Measurement:
     knows_mirror: bool = False
     own: tuple[str, ...] = ()
     name: str = "images"
+    every: int = 1
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -11,6 +11,7 @@ import pytest
 from calibrations import inner_pixels, measured, paraboloid
 from oracle import sensitivities
 from scenes import coarse
+from scipy.ndimage import label
 
 from irtscots_cl.calibration import heights
 from irtscots_cl.calibration.heights import TERMS, HeightGrid
@@ -104,6 +105,22 @@ def test_large_images_are_thinned(monkeypatch):
     row, column = m.place_of(grid.chosen)
     assert set((row % 3).tolist()) == {1} == set((column % 3).tolist())
     assert grid.coefficients(height)[TERMS.index(5)] * 1e3 == pytest.approx(0.2, abs=2e-3)
+
+
+@pytest.mark.parametrize("every", [2, 3])
+def test_images_of_which_some_pixels_are_used_are_thinned_further(monkeypatch, every):
+    """The grid is one of the pixels that there are, without holes."""
+    monkeypatch.setattr(heights, "MOST_NODES", 60)
+    m = measured(SCENE, {"zernike.5_um": 0.2}, noise=1e-12)
+    row, column = m.place_of()
+    kept = np.flatnonzero((row % every == every // 2) & (column % every == every // 2))
+    some = dataclasses.replace(m, pixels=m.pixels[kept], places_mm=m.places_mm[:, kept], every=every,
+                               errors_mm=m.errors_mm[:, kept], offsets_mm=m.offsets_mm[:, kept],
+                               mirror_offsets_mm=m.mirror_offsets_mm[:, kept])  # fmt: skip
+    grid, height = heights_of(some)
+    assert grid.step % every == 0 and grid.step > every and 10 < grid.mask.sum() <= 60
+    assert label(grid.mask)[1] == 1
+    assert grid.coefficients(height)[TERMS.index(5)] * 1e3 == pytest.approx(0.2, abs=0.01)
 
 
 def test_pixels_that_do_not_count_have_no_height():
