@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 import re
 import tempfile
@@ -24,7 +25,7 @@ from irtscots_cl.tracing.packing.scene import pack
 from irtscots_cl.tracing.samplers import SAMPLERS
 
 FAMILIES = {
-    "surface": ["sphere", "conic", "off_axis"],
+    "surface": ["sphere", "conic", "off_axis", "flat"],
     "mirror": ["nominal", "deviated"],
     "aperture": ["disk", "annulus"],
     "zernike": ["power", "clenshaw"],
@@ -75,8 +76,8 @@ def scene_for(choices):
         replace(terms, coefficients_um={j: c * size for j, c in terms.coefficients_um.items()}) for terms in zernike
     )
     mirror = Mirror(
-        radius_mm=1500.0,
-        conic=0.0 if choices["surface"] == "sphere" else -0.8,
+        radius_mm=math.inf if choices["surface"] == "flat" else 1500.0,
+        conic=0.0 if choices["surface"] in ("sphere", "flat") else -0.8,
         diameter_mm=330.0,
         off_axis_mm=240.0 if choices["surface"] == "off_axis" else 0.0,
         obscuration_mm=70.0 if choices["aperture"] == "annulus" else 0.0,
