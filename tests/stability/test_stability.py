@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from lopsided import lopsided
 from oracle import tracer
 from scenes import CURVATURES, scene_of
 
@@ -12,7 +11,6 @@ from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.quadric import Quadric
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_curves import Flag
-from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.stability import curves, masks
 from irtscots_cl.stability.checks import Bench, Limit, finding
 from irtscots_cl.stability.conics import HALVES
