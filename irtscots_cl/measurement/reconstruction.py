@@ -214,22 +214,20 @@ def reconstruct(
 
 
 def _usable(chief: ChiefRays, on_mirror: BoolArray, flags: IntArray, points: list[FloatArray]) -> BoolArray:
-    """The pixels [rows, columns] to use. Those whose light, by the design, comes from beside the screen's front are
-    flagged."""
+    """Pixels [rows, columns] that can be used. points: of the design, design_points; flags: worse where they say more.
+
+    Raises ValueError if they are too few; the message counts the reasons.
+    """
+    # the design sends part of such a pixel's rays past the screen's front
     flags[(flags == Flag.GOOD) & on_mirror & ~np.isfinite(points).all(0)] = Flag.CLIPPED
     mask: BoolArray = on_mirror & (flags == Flag.GOOD)
-    _check_enough(chief, on_mirror, mask, flags)
-    return mask
-
-
-def _check_enough(chief: ChiefRays, on_mirror: BoolArray, mask: BoolArray, flags: IntArray) -> None:
-    """Raise ValueError if too few pixels can be used; the message counts the reasons."""
     if mask.sum() < MIN_PIXELS:
         refused = ", ".join(f"{np.sum(flags[on_mirror] == flag)} {flag.name.lower()}" for flag in list(Flag)[1:])
         raise ValueError(
             f"scene {chief.scene.name}: {mask.sum()} of the {on_mirror.sum()} detector pixels on the mirror have a "
             f"usable light curve in both scans ({refused}); must be at least {MIN_PIXELS}{_too_wide(chief, on_mirror)}"
         )
+    return mask
 
 
 def _too_wide(chief: ChiefRays, on_mirror: BoolArray) -> str:
