@@ -82,7 +82,7 @@ def test_no_weight_exceeds_its_range(pixels):
             by_t = maps[:, 2] + maps[:, 4] * s + 2 * maps[:, 5] * t
             area = (by_s[0] * by_t[1] - by_t[0] * by_s[1]) / model.pixel_area_mm2
             weights.append((1 + x**2 + y**2) ** -2 * area * scale)
-    assert 0 < np.min(weights) and np.max(weights) <= WEIGHT_ONE / MIN_COSINE4
+    assert np.min(weights) > 0 and np.max(weights) <= WEIGHT_ONE / MIN_COSINE4
     # the limit is what keeps them: by their centres alone they would be ten times as large
     x, y = model.image_point(row, column)
     alone = WEIGHT_ONE / (1 + (x**2 + y**2) / distance**2) ** -2 / model.stretch(row, column)
