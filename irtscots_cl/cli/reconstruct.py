@@ -100,7 +100,8 @@ def _execute(options: argparse.Namespace) -> int:
 
 
 def _no_calibration_files(options: argparse.Namespace) -> None:
-    for option, given in (("--scene", Path(options.scene).is_dir()), ("--display", options.display is not None)):
+    is_lab = bool(options.scene) and any(Path(options.scene).glob("*.h5"))  # another folder is no scene at all
+    for option, given in (("--scene", is_lab), ("--display", options.display is not None)):
         if given:
             raise ValueError(
                 f"{option}: a folder of calibration files goes with a SOFAST measurement, which IMAGES is not"
