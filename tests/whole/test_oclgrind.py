@@ -6,12 +6,14 @@ Tiny scenes of a few rays, at both widths, cut into several work-items for each 
 from __future__ import annotations
 
 import dataclasses
+import math
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 from oclgrind import HOW_TO_GET_IT, Oclgrind, has_oclgrind
+from real_setup import real_setup
 from tracers import setup_of, totals, tracer_of
 
 from irtscots_cl.execution.launch_plan import RayBlock
@@ -77,13 +79,34 @@ def terms(*nolls: int) -> tuple[ZernikeTerms, ...]:
     return (ZernikeTerms(radius_mm=540.0, ordering="noll", coefficients_um=dict.fromkeys(nolls, 0.1)),)
 
 
-# Every file of the families surface, aperture, mirror, arrival and zernike
+def small_setup(terms: int) -> Scene:
+    """A real set-up with 2 x 2 pixels on its screen and detector, and so many coefficients of the distortion."""
+    scene = real_setup()
+    screen, camera, detector = scene.screen, scene.camera, scene.camera.detector
+    pitches = tuple(p * n / 2 for p, n in zip(screen.pitch_xy_mm, screen.pixels, strict=True))
+    intrinsics = dataclasses.replace(
+        camera.intrinsics, binning=(64, 64), distortion=camera.intrinsics.distortion[:terms]
+    )
+    camera = dataclasses.replace(
+        camera,
+        intrinsics=intrinsics,
+        detector=dataclasses.replace(detector, pixels=(2, 2), pitch_mm=32 * detector.pitch_mm),
+    )
+    return dataclasses.replace(
+        scene, screen=dataclasses.replace(screen, pixels=(2, 2), pitch_mm=pitches), camera=camera
+    )
+
+
+# Every file of the families surface, aperture, mirror, arrival, zernike, frame, camera, lens, screen and glass
 MIRRORS = {
     "nominal": small("sphere"),
     "slight": small("sphere", zernike=(ZernikeTerms(radius_mm=540.0, ordering="noll", coefficients_um={4: 1e-5}),)),
     "power": small("sphere-deviated", 2, 4.0),
     "clenshaw, hole": small("sphere", conic=-0.5, obscuration_mm=300.0, zernike=terms(*range(4, 200, 13))),
     "off-axis": small("off-axis"),
+    "flat": small("sphere", radius_mm=math.inf),
+    "real, k1 to k3": small_setup(5),
+    "real, k1 to k6": small_setup(8),
 }
 
 
@@ -116,7 +139,8 @@ def test_samplers(oclgrind, width, sampler):
 @pytest.mark.parametrize(
     "kind, estimator, precision",
     [("slight", "adjoint", "fp32"), ("clenshaw, hole", "lines", "fp32"), ("clenshaw, hole", "forward", "fp64"),
-     ("off-axis", "adjoint", "fp64"), ("off-axis", "lines", "fp64")],
+     ("off-axis", "adjoint", "fp64"), ("off-axis", "lines", "fp64"), ("flat", "adjoint", "fp32"),
+     ("real, k1 to k3", "forward", "fp32"), ("real, k1 to k6", "forward", "fp64"), ("real, k1 to k6", "lines", "fp32")],
 )  # fmt: skip
 @pytest.mark.parametrize("width", WIDTHS)
 def test_mirrors_and_precisions(oclgrind, width, kind, estimator, precision):
