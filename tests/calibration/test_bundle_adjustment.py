@@ -60,13 +60,13 @@ def test_outliers_are_rejected_and_move_nothing():
                            errors_mm=clean.errors_mm[:, kept], offsets_mm=clean.offsets_mm[:, kept],
                            mirror_offsets_mm=clean.mirror_offsets_mm[:, kept]), POSES)  # fmt: skip
     np.testing.assert_allclose(found.values / alone.errors, alone.values / alone.errors, atol=1e-2)
-    np.testing.assert_allclose(found.errors, alone.errors, rtol=1e-6)
+    np.testing.assert_allclose(found.errors, alone.errors, rtol=1e-4)
 
 
-def test_a_quarter_of_the_pixels_that_agree_on_something_else_move_nothing():
+def test_a_minority_of_the_pixels_that_agree_on_something_else_moves_nothing():
     """A second reflection: plain least squares would go half way, and find nothing too far from its model."""
     m = measured(SCENE, TRUE)
-    second = np.random.default_rng(4).random(len(m.pixels)) < 0.25
+    second = np.random.default_rng(4).random(len(m.pixels)) < 0.4
     found = fitted(replace(m, places_mm=m.places_mm + np.where(second, 2.0, 0.0)), POSES)
     assert np.array_equal(~found.used[0], second) and found.noise == 1
 
