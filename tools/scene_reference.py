@@ -39,8 +39,8 @@ MEANINGS = (
         "element": "surfaces that only `--estimator nonsequential` and `irtscots paths` use",
         "calibration": "what is known of the geometry beforehand, for `irtscots calibrate` and `irtscots identify`",
     }),
-    ("[mirror]", Mirror, "A concave conic of revolution, or an off-axis segment of one, with a round rim.", {
-        "radius_mm": "radius of curvature at the vertex (of the parent)",
+    ("[mirror]", Mirror, "A conic of revolution, or an off-axis segment of one, or a plane, with a round rim.", {
+        "radius_mm": "radius of curvature at the vertex (of the parent); above 0: concave, below 0: convex, inf: flat",
         "diameter_mm": "of the rim, about the origin",
         "conic": "conic constant: 0 sphere, -1 paraboloid",
         "off_axis_mm": "from the parent's axis to the segment's centre",

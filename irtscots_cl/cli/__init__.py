@@ -20,6 +20,7 @@ from irtscots_cl.cli import (
     identify,
     kernel,
     paths,
+    patterns,
     reconstruct,
     reproduce,
     run,
@@ -38,7 +39,9 @@ from irtscots_cl.cli.common import (
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
-COMMANDS = (run, scenes, devices, kernel, paths, reconstruct, calibrate, identify, reproduce, bench, stability)
+COMMANDS = (
+    run, scenes, devices, kernel, paths, patterns, reconstruct, calibrate, identify, reproduce, bench, stability,
+)  # fmt: skip
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -25,9 +25,17 @@ def add(commands) -> None:
     parser.add_argument(
         "images",
         type=Path,
+        nargs="+",
         metavar="IMAGES",
-        help="HDF5 file with /images/x, /images/y "
-        "[lines, rows, columns] and /lines/x_mm, /lines/y_mm, as `irtscots run` writes it, or a SOFAST measurement",
+        help="of line scans: HDF5 file with /images/x, /images/y [lines, rows, columns] and /lines/x_mm, /lines/y_mm, "
+        "as `irtscots run` writes it. Of fringes: the manifest that `irtscots patterns` writes, a folder with one, or "
+        "image files or their folder with --manifest (TIFF, PNG, FITS, SER, NPZ); or a SOFAST measurement",
+    )
+    parser.add_argument(
+        "--manifest",
+        type=Path,
+        metavar="FILE",
+        help="manifest.toml of `irtscots patterns`, where IMAGES are images alone, in its frames' order",
     )
     parser.add_argument(
         "--scene",
@@ -43,6 +51,13 @@ def add(commands) -> None:
         help="with a folder as --scene: the display file to use; default: the folder's most complete one",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME-measured")
+    _add_image_choices(parser)
+    parser.add_argument("--strict", action="store_true", help="refuse doubtful images too, with exit code 2")
+    add_measure(parser, default=f"{LAB_MEASURE}, for images with noise and background")
+
+
+def _add_image_choices(parser: argparse.ArgumentParser) -> None:
+    """Which samples of the images count."""
     parser.add_argument(
         "--threshold",
         type=float,
@@ -66,30 +81,67 @@ def add(commands) -> None:
         help="picture (PNG, TIFF), NPY array or HDF5 file with a dataset `mask`, of the images' size and lying as they "
         "do: pixels where it is 0 are not used",
     )
-    parser.add_argument("--strict", action="store_true", help="refuse doubtful images too, with exit code 2")
-    add_measure(parser, default=f"{LAB_MEASURE}, for images with noise and background")
 
 
 def _execute(options: argparse.Namespace) -> int:
+    from irtscots_cl.formats.images import SUFFIXES
     from irtscots_cl.formats.sofast import is_sofast_measurement
+    from irtscots_cl.imaging.fringe_images import is_fringe_input
 
     if not 0 <= options.threshold < 1:
         raise ValueError(f"--threshold = {options.threshold}: must be at least 0 and below 1")
+    if options.manifest is not None or is_fringe_input(options.images, SUFFIXES):
+        return _fringes(options)
+    (options.images,) = options.images
     if is_sofast_measurement(options.images):
         return _sofast(options)
-    for option, given in (("--scene", Path(options.scene).is_dir()), ("--display", options.display is not None)):
+    _no_calibration_files(options)
+    return _line_scans(options)
+
+
+def _no_calibration_files(options: argparse.Namespace) -> None:
+    is_lab = bool(options.scene) and any(Path(options.scene).glob("*.h5"))  # another folder is no scene at all
+    for option, given in (("--scene", is_lab), ("--display", options.display is not None)):
         if given:
             raise ValueError(
                 f"{option}: a folder of calibration files goes with a SOFAST measurement, which IMAGES is not"
             )
-    return _line_scans(options)
+
+
+def _no_line_scans(options: argparse.Namespace) -> None:
+    for option, given in (("--measure", options.measure), ("--threshold", options.threshold)):
+        if given:
+            raise ValueError(f"{option}: is of line scans; IMAGES is a measurement with fringes")
+
+
+def _fringes(options: argparse.Namespace) -> int:
+    """Images of fringes with a manifest."""
+    from irtscots_cl.imaging.fringe_images import own_manifest
+
+    if options.manifest is None:
+        own_manifest(options.images)  # a folder without one is named before options that do not go with it
+    _no_line_scans(options)
+    _no_calibration_files(options)
+    scene = load_scene(options.scene)
+    from irtscots_cl.measurement.coefficients import check_kind
+    from irtscots_cl.pipeline.measure_fringes import measure_fringes
+    from irtscots_cl.system.atomic_files import check_output_folder, made_folder
+
+    check_kind(options.zernike)
+    folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
+    check_output_folder(folder, ("result.h5", "report.json", "scene.toml"), ("figures",))
+    saturation = options.saturation if math.isfinite(options.saturation) else None
+    with made_folder(folder):
+        facts = measure_fringes(
+            options.images, scene, folder, manifest=options.manifest, strict=options.strict, zernike=options.zernike,
+            saturation=saturation, mask=options.mask
+        )  # fmt: skip
+    return _tell(options, facts, folder)
 
 
 def _sofast(options: argparse.Namespace) -> int:
     """A SOFAST measurement, with a scene or a folder of calibration files."""
-    for option, given in (("--measure", options.measure), ("--threshold", options.threshold)):
-        if given:
-            raise ValueError(f"{option}: is of line scans; IMAGES is a measurement with fringes")
+    _no_line_scans(options)
     from irtscots_cl.measurement.coefficients import check_kind
     from irtscots_cl.pipeline.measure_sofast import SofastSetup, measure_sofast
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder

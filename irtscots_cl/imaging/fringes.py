@@ -105,6 +105,11 @@ class FringeSet:
         """Screen coordinate u (or v) [mm] of the fractions, for a grid with its middle at offset_mm."""
         return (self.edge_fraction(fraction, pixels) - 0.5) * pixels * pitch_mm + offset_mm
 
+    def fraction(self, position_mm: FloatArray, pixels: int, pitch_mm: float, offset_mm: float = 0.0) -> FloatArray:
+        """Fractions of screen coordinates [mm]: what position_mm undoes."""
+        edges = (position_mm - offset_mm) / (pixels * pitch_mm) + 0.5
+        return (edges * pixels - 0.5) / (pixels - 1) if self.ends == "centres" else edges
+
 
 @dataclass(frozen=True)
 class FringeScan:

@@ -59,7 +59,8 @@ class Frame:
         """
         from_device = turned(points_mm - self.position_mm, self.axes.T)
         along = turned(directions, self.axes.T)
-        step = -from_device[..., 2] / along[..., 2]
+        with np.errstate(divide="ignore", invalid="ignore"):  # of a ray parallel to the plane
+            step = -from_device[..., 2] / along[..., 2]
         if in_front:
             step = np.where((along[..., 2] > 0) & (step >= 0), step, np.nan)
         return from_device[..., 0] + step * along[..., 0], from_device[..., 1] + step * along[..., 1]

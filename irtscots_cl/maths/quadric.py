@@ -23,9 +23,10 @@ class Quadric:
 
     @classmethod
     def conic(cls, radius_mm: float, conic: float = 0.0, off_axis_mm: float = 0.0) -> Quadric:
-        """Conic of vertex radius radius_mm (below 0: convex; inf: a plane), seen from its point at off_axis_mm.
+        """Conic of vertex radius radius_mm, seen from its point at off_axis_mm from the axis.
 
-        The segment's frame has +Z along the normal and +X away from the parent's axis.
+        Below 0 the radius makes it convex, inf a plane. The segment's frame has +Z along the normal and +X away from
+        the parent's axis.
         """
         c = 1.0 / radius_mm
         parent = np.diag([c, c, (1.0 + conic) * c])

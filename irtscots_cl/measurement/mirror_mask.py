@@ -13,8 +13,10 @@ MIN_PIXELS = 16
 BINS = 256
 
 
-def mirror_mask(signal: FloatArray) -> BoolArray:
+def mirror_mask(signal: FloatArray, largest: bool = True) -> BoolArray:
     """The largest bright region [rows, columns] of a signal [rows, columns], such as the fringes' amplitude.
+
+    largest: false for all bright regions, where the design tells which of them are the mirror.
 
     The threshold lies in the valley of the histogram, or, where that has no two peaks, where it parts the values best
     (Otsu). Holes stay holes. All pixels with a signal where there is no dark surrounding. Raises ValueError for a
@@ -31,8 +33,13 @@ def mirror_mask(signal: FloatArray) -> BoolArray:
         threshold = _valley(clipped)
         below, above = clipped[clipped <= threshold], clipped[clipped > threshold]
         if below.size and above.size and below.mean() < EVEN * above.mean():
-            return largest_region(known & (np.nan_to_num(signal) > threshold))
-    return largest_region(known & (np.nan_to_num(signal) > 0))
+            return _chosen(known & (np.nan_to_num(signal) > threshold), largest)
+    return _chosen(known & (np.nan_to_num(signal) > 0), largest)
+
+
+def _chosen(bright: BoolArray, largest: bool) -> BoolArray:
+    region = largest_region(bright)  # raises ValueError where there is none
+    return region if largest else bright
 
 
 def _valley(values: FloatArray) -> float:

@@ -67,7 +67,7 @@ def check_images(stack: ImageStack, setup: Setup, estimates: tuple[ScanEstimate,
     checks.append(_saturation(stack, estimates))
     checks.append(_orientation(setup, estimates))
     if checks[-1].level == OK:
-        checks += [_outline(stack, setup), *(_place(setup, estimate) for estimate in estimates)]
+        checks += [outline_check(_lit(stack), setup), *(_place(setup, estimate) for estimate in estimates)]
     checks.append(_used(setup, estimates, stack.use))
     return checks
 
@@ -171,7 +171,12 @@ def _maps(setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate]) -> list[Fl
 
 def _orientation(setup: Setup, estimates: tuple[ScanEstimate, ScanEstimate]) -> Check:
     centres = [float(np.mean(estimate.scan.positions_mm[[0, -1]])) for estimate in estimates]
-    found: Orientation = best_orientation(_maps(setup, estimates), design_points(setup)[2:], centres)
+    return orientation_check(setup, _maps(setup, estimates), centres)
+
+
+def orientation_check(setup: Setup, maps: list[FloatArray], centres: list[float]) -> Check:
+    """Whether the places u, v [rows, columns] in mm fit the design as they are. centres: about which a scan turns."""
+    found: Orientation = best_orientation(maps, design_points(setup)[2:], centres)
     if not found.is_wrong:
         text = "orientation of the images and directions of the scans fit the design"
         if found.alike and not found.names:
@@ -201,9 +206,8 @@ def _some(names: tuple[str, ...]) -> str:
     return " or with ".join(names[:SHOWN]) + (f" ({len(names) - SHOWN} more)" if len(names) > SHOWN else "")
 
 
-def _outline(stack: ImageStack, setup: Setup) -> Check:
-    """The lit pixels against the mirror's outline of the design, shifted by whole pixels."""
-    lit = _lit(stack)
+def outline_check(lit: BoolArray, setup: Setup) -> Check:
+    """The lit pixels [rows, columns] against the mirror's outline of the design, shifted by whole pixels."""
     mirror = setup.chief_rays.footprint.coverage >= 0.5
     if not (lit & mirror).any():
         return Check("outline", OK, 0.0, 0.0, 1e-6, "no outline is visible")

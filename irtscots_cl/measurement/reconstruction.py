@@ -183,10 +183,7 @@ def reconstruct(
     centroid_x, centroid_y, flags = _both_scans(setup, stack, light_curve, threshold, estimates)
     on_mirror = (chief.footprint.coverage >= min_coverage) & (True if stack.use is None else stack.use)
     points = design_points(setup)
-    # of the design, part of such a pixel's light comes from beside the screen's front
-    flags[(flags == Flag.GOOD) & on_mirror & ~np.isfinite(points).all(0)] = Flag.CLIPPED
-    mask = on_mirror & (flags == Flag.GOOD)
-    _check_enough(chief, on_mirror, mask, flags)
+    mask = _usable(chief, on_mirror, flags, points)
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in points)
     slope_x, slope_y, deviation, islands = surface_of(
         chief, (x_mm, y_mm), (u_mm, v_mm), mask, (centroid_x, centroid_y), method, pixel_average
@@ -216,14 +213,21 @@ def reconstruct(
     )
 
 
-def _check_enough(chief: ChiefRays, on_mirror: BoolArray, mask: BoolArray, flags: IntArray) -> None:
-    """Raise ValueError if too few pixels can be used; the message counts the reasons."""
+def _usable(chief: ChiefRays, on_mirror: BoolArray, flags: IntArray, points: list[FloatArray]) -> BoolArray:
+    """Pixels [rows, columns] that can be used. points: of the design, design_points; flags: worse where they say more.
+
+    Raises ValueError if they are too few; the message counts the reasons.
+    """
+    # the design sends part of such a pixel's rays past the screen's front
+    flags[(flags == Flag.GOOD) & on_mirror & ~np.isfinite(points).all(0)] = Flag.CLIPPED
+    mask: BoolArray = on_mirror & (flags == Flag.GOOD)
     if mask.sum() < MIN_PIXELS:
         refused = ", ".join(f"{np.sum(flags[on_mirror] == flag)} {flag.name.lower()}" for flag in list(Flag)[1:])
         raise ValueError(
             f"scene {chief.scene.name}: {mask.sum()} of the {on_mirror.sum()} detector pixels on the mirror have a "
             f"usable light curve in both scans ({refused}); must be at least {MIN_PIXELS}{_too_wide(chief, on_mirror)}"
         )
+    return mask
 
 
 def _too_wide(chief: ChiefRays, on_mirror: BoolArray) -> str:

@@ -26,7 +26,7 @@ from irtscots_cl.system.memory import check_memory
 
 AT_ONCE = 2**17  # pixels
 WORKERS = 2
-MAP_BYTES = 16  # of a pixel and series: four maps
+MAP_BYTES = 20  # of a pixel and series: five maps
 PIXEL_BYTES = 120  # of a pixel: places, errors, and what is made on the way
 
 
@@ -37,8 +37,9 @@ class AxisCoordinates:
     fraction, standard_error: [rows, columns] of the screen, in the fringes' own convention (FringeSet.reverse, ends);
     the standard error holds noise and the floor, for the right fringe orders. wrong: probability of wrong orders.
     misfit: chi-square of the series' agreement over its degrees of freedom.
-    phase_rad (harmonics taken out), amplitude, offset, residual (rms over its degrees of freedom, harmonics included):
-    [series, rows, columns] float32. missing: [rows, columns] samples left out, saturated or no numbers.
+    phase_rad (harmonics taken out), phase_error_rad (noise alone), amplitude, offset, residual (rms over its degrees of
+    freedom, harmonics included): [series, rows, columns] float32. missing: [rows, columns] samples left out, saturated
+    or no numbers.
     """
 
     fringes: FringeSet
@@ -48,6 +49,7 @@ class AxisCoordinates:
     wrong: FloatArray = field(repr=False)
     misfit: FloatArray = field(repr=False)
     phase_rad: NDArray[Any] = field(repr=False)
+    phase_error_rad: NDArray[Any] = field(repr=False)
     amplitude: NDArray[Any] = field(repr=False)
     offset: NDArray[Any] = field(repr=False)
     residual: NDArray[Any] = field(repr=False)
@@ -114,11 +116,14 @@ def screen_coordinates(
     return ScreenCoordinates(mask, axes)
 
 
-def find_mask(stack: FringeStack) -> BoolArray:
-    """The pixels that see the mirror: from white less dark where there are such images, else from the amplitudes."""
+def find_mask(stack: FringeStack, largest: bool = True) -> BoolArray:
+    """The pixels that see the mirror: from white less dark where there are such images, else from the amplitudes.
+
+    largest: see mirror_mask.
+    """
     if stack.white is not None:
         signal = np.asarray(stack.white, float) - (0.0 if stack.dark is None else np.asarray(stack.dark, float))
-        return mirror_mask(signal)
+        return mirror_mask(signal, largest)
     weakest = np.full(stack.shape[0] * stack.shape[1], np.inf)
     for number, fringes in enumerate(stack.sets):
         lowest = int(np.argmin(fringes.periods))
@@ -129,7 +134,7 @@ def find_mask(stack: FringeStack) -> BoolArray:
                     amplitude = fit_sinusoid(flat[:, part], np.asarray(steps), stack.saturation).amplitude
                     weakest[part] = np.fmin(weakest[part], amplitude)
     weakest[~np.isfinite(weakest)] = np.nan
-    return mirror_mask(weakest.reshape(stack.shape))
+    return mirror_mask(weakest.reshape(stack.shape), largest)
 
 
 def _parts(count: int) -> list[slice]:
@@ -153,19 +158,7 @@ def _axis(
     some = None if prior is None else Prior(prior.fraction[chosen], prior.standard_error[chosen])
     found = survey(stack, number, pixels[chosen], noise, response, some)
     maps = _evaluate(stack, number, pixels, found)
-    phase, error = maps["phase_rad"], maps.pop("error_rad")
-    places = np.full((5, len(pixels)), np.nan)
-
-    def place_part(part: slice) -> None:
-        near = None if prior is None else Prior(prior.fraction[part], prior.standard_error[part])
-        total = np.hypot(error[:, part].astype(float), found.floor_rad)
-        result = unwrap(phase[:, part].astype(float), total, fringes.periods, near)
-        fraction = 1 - result.fraction if fringes.reverse else result.fraction
-        with np.errstate(divide="ignore", invalid="ignore"):
-            misfit = np.where(result.freedom > 0, result.misfit / result.freedom, np.nan)
-        places[:4, part] = fraction, result.standard_error, result.wrong, misfit
-
-    _for_all(place_part, len(pixels))
+    places = places_of_phases(fringes, maps["phase_rad"], maps["phase_error_rad"], found.floor_rad, prior)
 
     def on_grid(values: NDArray[Any]) -> NDArray[Any]:
         grid = np.full((*values.shape[:-1], stack.shape[0] * stack.shape[1]), np.nan, values.dtype)
@@ -175,15 +168,37 @@ def _axis(
     return AxisCoordinates(
         fringes,
         found,
-        *(on_grid(row) for row in places[:4]),
+        *(on_grid(row) for row in places),
         **{name: on_grid(values) for name, values in maps.items()},
     )
+
+
+def places_of_phases(
+    fringes: FringeSet, phase_rad: NDArray[Any], error_rad: NDArray[Any], floor_rad: float, prior: Prior | None = None
+) -> FloatArray:
+    """Fraction, standard error, probability of wrong orders and misfit over its freedom, [4, n].
+
+    phase_rad, error_rad: [series, n]. floor_rad: error of all phases beside their own. prior: in the phases' direction.
+    """
+    places = np.full((4, phase_rad.shape[1]), np.nan)
+
+    def place_part(part: slice) -> None:
+        near = None if prior is None else Prior(prior.fraction[part], prior.standard_error[part])
+        total = np.hypot(error_rad[:, part].astype(float), floor_rad)
+        result = unwrap(phase_rad[:, part].astype(float), total, fringes.periods, near)
+        fraction = 1 - result.fraction if fringes.reverse else result.fraction
+        with np.errstate(divide="ignore", invalid="ignore"):
+            misfit = np.where(result.freedom > 0, result.misfit / result.freedom, np.nan)
+        places[:, part] = fraction, result.standard_error, result.wrong, misfit
+
+    _for_all(place_part, phase_rad.shape[1])
+    return places
 
 
 def _evaluate(stack: FringeStack, number: int, pixels: IntArray, found: Survey) -> dict[str, NDArray[Any]]:
     """Phases and what belongs to them [series, n], samples that are missing [n], of the given pixels."""
     series = len(found.steps_rad)
-    names = ("phase_rad", "error_rad", "amplitude", "offset", "residual")
+    names = ("phase_rad", "phase_error_rad", "amplitude", "offset", "residual")
     maps: dict[str, NDArray[Any]] = {name: np.empty((series, len(pixels)), np.float32) for name in names}
     maps["missing"] = np.zeros(len(pixels), np.float32)
     for k, (_, _, images) in enumerate(stack.series(number)):

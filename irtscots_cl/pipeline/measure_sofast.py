@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from skimage.draw import polygon2mask
@@ -13,26 +12,22 @@ from irtscots_cl.calibration.lab_scene import ORIENTATION, LabScene, lab_scene, 
 from irtscots_cl.formats.sofast import SofastMeasurement, read_sofast_measurement, read_sofast_response
 from irtscots_cl.formats.sofast_setup import SofastFolder, read_sofast_folder
 from irtscots_cl.imaging.mask_files import read_mask
-from irtscots_cl.imaging.orientation import stored, upright
+from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.imaging.sofast_fringes import sofast_fringes
 from irtscots_cl.maths.arrays import BoolArray
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.harmonics import ResponseTable
 from irtscots_cl.measurement.quality import OK, WARNING, Check
-from irtscots_cl.measurement.reconstruction import Reconstruction
-from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, find_mask, screen_coordinates
+from irtscots_cl.measurement.screen_coordinates import find_mask, screen_coordinates
 from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_places
+from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, fringe_facts, write_fringes
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
-from irtscots_cl.pipeline.output import open_output_folder, version_attributes
-from irtscots_cl.report.fringe_file import FringeMaps, write_fringe_result
 from irtscots_cl.report.quality import check_facts
-from irtscots_cl.report.types import FringeFacts, GeometryFacts, MeasuredFacts
+from irtscots_cl.report.types import GeometryFacts, MeasuredFacts
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
-from irtscots_cl.system.atomic_files import write_json, write_text
 
-FRINGES = "fringes"  # the name of the measure
 CORNER_PX = 1.0  # misfit of the facet's corners from which on it is named
 DISTANCE_SHARE = 0.01  # difference of the distance by the outline from the measured one, from which on it is named
 
@@ -59,16 +54,10 @@ class SofastSetup:
 
 
 @dataclass(frozen=True)
-class SofastResult:
+class SofastResult(FringeResult):
     """A mirror measured by SOFAST. lab: what was found of the set-up, None where a scene was given."""
 
-    result: Reconstruction
-    coordinates: ScreenCoordinates
     lab: LabScene | None
-
-    def stored(self, maps: Any) -> Any:
-        """Upright maps as the images are stored."""
-        return stored(maps, self.result.nominal.camera.detector.orientation)
 
 
 def sofast_surface(
@@ -136,10 +125,10 @@ def measure_sofast(
     except ValueError as error:
         kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
         raise kind(f"{path}: {error}") from None
-    facts["fringes"] = _fringe_facts(found)
+    facts["fringes"] = fringe_facts(found)
     if found.lab is not None and setup.folder is not None:
         facts["geometry"] = _geometry_facts(found.lab, setup.folder, measurement)
-    _write(folder, found, facts, bars)
+    write_fringes(folder, found, facts, bars, {"screen fractions": "as SOFAST's display files have them"})
     return facts
 
 
@@ -172,22 +161,6 @@ def _checks(found: SofastResult, measurement: SofastMeasurement) -> list[Check]:
     return checks
 
 
-def _fringe_facts(found: SofastResult) -> FringeFacts:
-    axes = found.coordinates.axes
-    mask = found.stored(found.result.mask)
-    errors = dict(zip("xy", found.result.place_errors_mm or (), strict=True))
-    return {
-        "periods": {axis: list(one.fringes.periods) for axis, one in axes.items()},
-        "standard_error_mm": {axis: _median(errors[axis][found.result.mask]) for axis in ("x", "y")},  # type: ignore[typeddict-item]
-        "modulation": {axis: _median(axes[axis].modulation[:, mask].min(axis=0)) for axis in ("x", "y")},  # type: ignore[typeddict-item]
-        "pixels_with_wrong_order": float(sum(np.nansum(one.wrong[mask]) for one in axes.values())),
-    }
-
-
-def _median(values: np.ndarray) -> float:
-    return float(np.median(values)) if values.size else float("nan")
-
-
 def _geometry_facts(lab: LabScene, folder: SofastFolder, measurement: SofastMeasurement) -> GeometryFacts:
     rows = lab.scene.camera.detector.pixels[1]
     with np.errstate(divide="ignore"):
@@ -201,26 +174,3 @@ def _geometry_facts(lab: LabScene, folder: SofastFolder, measurement: SofastMeas
         "turn_mrad": lab.turn_rad * 1e3,
         "focal_lengths_m": {"x": focal[0], "y": focal[1]},
     }
-
-
-def _write(folder: Path, found: SofastResult, facts: MeasuredFacts, bars: Any) -> None:
-    from irtscots_cl.report.fringe_figures import write_fringe_figures
-
-    result = found.result
-    points = result.setup.chief_rays.screen_model
-    in_frame = (
-        points.to_world(result.centroid_x_mm, result.centroid_y_mm) - points.frame.position_mm
-    ) @ points.frame.axes.T
-    maps = FringeMaps(found.coordinates, in_frame, found.stored)
-    attributes = {
-        "scene": result.nominal.to_toml(),
-        "measure": FRINGES,
-        "orientation": result.nominal.camera.detector.orientation,
-        "rows and columns": "those of the images in their file",
-        "screen fractions": "as SOFAST's display files have them",
-    } | version_attributes()
-    with open_output_folder(folder):
-        write_fringe_result(folder / "result.h5", maps, result, attributes, bars)
-        write_fringe_figures(folder / "figures", result, found.coordinates)
-        write_text(folder / "scene.toml", result.nominal.to_toml())
-        write_json(folder / "report.json", dict(facts))

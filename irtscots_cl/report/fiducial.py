@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
 
 WORDS = "seen from the camera"
 SIZE = 6.5  # of the letters, in points
 LENGTH = 26  # of the arrow, in points
 FROM = (0.03, 0.03)  # the corner that a round mirror leaves free, in parts of the axes
+UPRIGHT = 0.999  # cosine of the angle between the mirror's x and the detector's columns: 2.6 degrees
 _OUTLINE = [withStroke(linewidth=2, foreground="white")]  # readable on bright and dark maps
 
 
@@ -52,3 +55,31 @@ def x_direction(x_mm: FloatArray, y_mm: FloatArray) -> tuple[float, float]:
     found = np.linalg.solve(np.stack([along_column, along_row], -1), [1.0, 0.0])
     found = found / np.hypot(*found)
     return float(found[0]), float(found[1])
+
+
+@dataclass(frozen=True)
+class MapFrame:
+    """How a map on the detector's grid is drawn: the part that is shown, its edges on the axes, their labels, and the
+    direction of the mirror's +x on the page.
+
+    The axes are the mirror's x and y; where the grid is turned against them, detector columns and rows.
+    """
+
+    cut: tuple[slice, slice]
+    extent: tuple[float, float, float, float]
+    x_label: str
+    y_label: str
+    towards: tuple[float, float]
+
+    @classmethod
+    def of(cls, x_mm: FloatArray, y_mm: FloatArray, mask: BoolArray) -> MapFrame:
+        """x_mm, y_mm: mirror points [rows, columns] of the pixels. mask: [rows, columns] that are shown."""
+        rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+        cut = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        x, y = np.where(mask, x_mm, np.nan), np.where(mask, y_mm, np.nan)
+        towards = x_direction(x, y)
+        if towards[0] > UPRIGHT:
+            extent = (np.nanmin(x), np.nanmax(x), np.nanmin(y), np.nanmax(y))
+            return cls(cut, extent, "mirror x [mm]", "mirror y [mm]", towards)
+        extent = (columns[0] - 0.5, columns[-1] + 0.5, rows[0] - 0.5, rows[-1] + 0.5)
+        return cls(cut, extent, "detector column", "detector row", towards)

@@ -18,10 +18,8 @@ from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.optics.pixel.chord import chord_cdf
-from irtscots_cl.report.fiducial import mark_x, x_direction
+from irtscots_cl.report.fiducial import MapFrame, mark_x, x_direction
 from irtscots_cl.system.atomic_files import replacing
-
-UPRIGHT = 0.999  # cosine of the angle between the mirror's x and the detector's columns: 2.6 degrees
 
 
 def write_figures(
@@ -149,17 +147,8 @@ def _map(
         # single noisy rim pixels do not set the scale; a map of zeros gets scale 1
         largest = np.nanpercentile(np.abs(values), 99.5) or 1.0
         limits = {"vmin": -largest, "vmax": largest}
-    used_rows, used_columns = np.nonzero(result.mask)
-    first, last = (used_rows.min(), used_columns.min()), (used_rows.max() + 1, used_columns.max() + 1)
-    towards = x_direction(result.x_mm, result.y_mm)
-    if towards[0] > UPRIGHT:
-        extent = (np.nanmin(result.x_mm), np.nanmax(result.x_mm), np.nanmin(result.y_mm), np.nanmax(result.y_mm))
-        labels = {"xlabel": "mirror x [mm]", "ylabel": "mirror y [mm]"}
-    else:
-        extent = (first[1] - 0.5, last[1] - 0.5, first[0] - 0.5, last[0] - 0.5)
-        labels = {"xlabel": "detector column", "ylabel": "detector row"}
-    cut = values[first[0] : last[0], first[1] : last[1]]
-    picture = axes.imshow(cut, origin="lower", extent=extent, cmap=colours, **limits)
-    axes.set(title=title, **labels)
-    mark_x(axes, towards)
+    frame = MapFrame.of(result.x_mm, result.y_mm, result.mask)
+    picture = axes.imshow(values[frame.cut], origin="lower", extent=frame.extent, cmap=colours, **limits)
+    axes.set(title=title, xlabel=frame.x_label, ylabel=frame.y_label)
+    mark_x(axes, frame.towards)
     figure.colorbar(picture, ax=axes, label=unit)

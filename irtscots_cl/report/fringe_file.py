@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.maths.integration import separate_islands
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
@@ -18,17 +18,20 @@ from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates
 from irtscots_cl.system import interruption
 from irtscots_cl.system.atomic_files import replacing
 
+REASON_UNIT = "0 used, 1 masked, 2 without fringes, 3 too few samples, 4 order in doubt, 5 series disagree"
 Rows = list[tuple[str, np.ndarray, str]]
 
 
 @dataclass(frozen=True)
 class FringeMaps:
     """coordinates: of the images as stored. points_mm: [rows, columns, 3] upright, where the pixels' places are in the
-    screen's frame. stored: turns an upright map as the images are stored."""
+    screen's frame. stored: turns an upright map as the images are stored. reason: of the images as stored, why pixels
+    are not used (measurement.fringe_quality.Reason); None: not known."""
 
     coordinates: ScreenCoordinates
     points_mm: FloatArray = field(repr=False)
     stored: Callable[[Any], Any] = field(repr=False)
+    reason: IntArray | None = field(default=None, repr=False)
 
 
 def write_fringe_result(
@@ -37,7 +40,8 @@ def write_fringe_result(
     """Write result.h5: places on the screen, as fractions and in mm, modulation, mirror points, slopes and height, all
     [rows, columns] as the images are stored, with standard errors. attributes: of the file."""
     upright = [*_screen(maps, result), *_surface(result, bars)]
-    rows = [*_fringes(maps.coordinates), *((name, maps.stored(values), unit) for name, values, unit in upright)]
+    why: Rows = [] if maps.reason is None else [("excluded", maps.reason.astype(np.uint8), REASON_UNIT)]
+    rows = [*why, *_fringes(maps.coordinates), *((name, maps.stored(values), unit) for name, values, unit in upright)]
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         for key, value in attributes.items():
             file.attrs[key] = value
@@ -56,6 +60,10 @@ def _fringes(found: ScreenCoordinates) -> Rows:
             (f"screen/{axis}_fraction_standard_error", one.standard_error, "1"),
             (f"fringes/{axis}_modulation", one.modulation, "1"),
             (f"fringes/{axis}_phase_rad", one.phase_rad, "rad"),
+            (f"fringes/{axis}_amplitude", one.amplitude, "counts"),
+            (f"fringes/{axis}_offset", one.offset, "counts"),
+            (f"fringes/{axis}_residual", one.residual, "counts"),
+            (f"fringes/{axis}_samples_left_out", one.missing, "1"),
             (f"fringes/{axis}_misfit", one.misfit, "1"),
             (f"fringes/{axis}_wrong_order_probability", one.wrong, "1"),
         ]

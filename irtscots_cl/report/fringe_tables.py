@@ -22,6 +22,9 @@ def fringe_tables(facts: MeasuredFacts) -> list[Table]:
             values = found[key]  # type: ignore[literal-required]
             rows.append((what, f"{values['x']:.3g}, {values['y']:.3g}"))
         rows.append(("pixels expected to have a wrong fringe order", f"{found['pixels_with_wrong_order']:.2g}"))
+        if "excluded" in found:
+            told = ", ".join(f"{n} {reason}" for reason, n in found["excluded"].items() if n)
+            rows.append(("pixels of the mirror by reason", told))
         tables.append(Table("Fringes", ("", ""), rows))
     if "geometry" in facts:
         place = facts["geometry"]

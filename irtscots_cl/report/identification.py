@@ -13,6 +13,7 @@ from irtscots_cl.calibration.measures import ABERRATIONS, Measure
 from irtscots_cl.calibration.observability import Direction
 from irtscots_cl.calibration.parameters import parameter
 from irtscots_cl.maths.zernike.indices import noll_to_nm
+from irtscots_cl.report.fiducial import MapFrame, mark_x
 from irtscots_cl.report.table import Table
 from irtscots_cl.system.atomic_files import replacing
 
@@ -181,17 +182,17 @@ def write_direction_figure(found: Identification, folder: Path) -> str:
     rows = -(-len(found.directions) // columns)
     figure = Figure(figsize=(4.8 * columns, 4.3 * rows), layout="tight")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    x, y = (values[seen.mask] for values in (seen.x_mm, seen.y_mm))
-    used_rows, used_columns = (np.flatnonzero(seen.mask.any(axis)) for axis in (1, 0))
+    frame = MapFrame.of(seen.x_mm, seen.y_mm, seen.mask)
     for axes, direction in zip(grid, found.directions, strict=False):
-        map_nm = direction.height_nm[used_rows[0] : used_rows[-1] + 1, used_columns[0] : used_columns[-1] + 1]
+        map_nm = direction.height_nm[frame.cut]
         largest = np.nanmax(np.abs(map_nm)) or 1.0
-        picture = axes.imshow(map_nm, origin="lower", extent=(x.min(), x.max(), y.min(), y.max()), cmap="RdBu_r",
+        picture = axes.imshow(map_nm, origin="lower", extent=frame.extent, cmap="RdBu_r",
                               vmin=-largest, vmax=largest)  # fmt: skip
         parts = _parts(found, direction)[:4]
         lines = [", ".join(parts[k : k + 2]) for k in range(0, len(parts), 2)]
         axes.set_title("\n".join([f"{direction.rms_nm[0]:.3g} nm rms", *lines]), fontsize=8)
-        axes.set(xlabel="mirror x [mm]", ylabel="mirror y [mm]")
+        axes.set(xlabel=frame.x_label, ylabel=frame.y_label)
+        mark_x(axes, frame.towards)
         figure.colorbar(picture, ax=axes, label="nm")
     for axes in grid[len(found.directions) :]:
         axes.set_axis_off()

@@ -330,12 +330,16 @@ class GeometryFacts(TypedDict):
 
 
 class FringeFacts(TypedDict):
-    """What the fringes say. periods: over the screen. standard_error_mm: of the places on the screen, the median."""
+    """What the fringes say. periods: over the screen. standard_error_mm: of the places on the screen, the median.
+    excluded: the mirror's pixels by the reason why they are not used, "used" among them. noise: of a sample of median
+    brightness, in counts, by axis."""
 
     periods: dict[str, list[float]]
     standard_error_mm: AlongAxes
     modulation: AlongAxes
     pixels_with_wrong_order: float
+    excluded: NotRequired[dict[str, int]]
+    noise: NotRequired[dict[str, float]]
 
 
 class MeasuredFacts(TypedDict):

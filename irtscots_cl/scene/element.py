@@ -1,7 +1,8 @@
 """Elements that a test may contain besides mirror, screen and camera: lens surfaces, windows, baffles, more mirrors.
 
 Only the non-sequential tracer sees these elements. An element has its own frame: origin at its vertex, +z
-(its front) towards `facing_mm`. Lengths in mm.
+(its front) towards `facing_mm`, which may lie in any direction; x = unit(Y_world x z), or the world's X if the element
+faces along Y. Lengths in mm.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 // The camera behind its aperture: a lens with distortion, and the detector's grid. The verbs are those of
 // camera_plain.cl. Frame: the camera's. Unit: mm. The formula is OpenCV's: irtscots_cl/maths/lens_distortion.py.
-#include "simd_*.cl"
+#include "lens_*.cl"
 
 // The distortion's inverse is smooth: over one pixel, the host gives it as a quadratic (tracing/packing/image_maps.py).
 // The light follows the area that the quadratic gives a pixel's parts.
@@ -22,11 +22,8 @@ INLINE int camera_pixel(__constant Scene *scene, real image_x, real image_y) {
     const real x = image_x * scene->inverse_image_distance + lens->shift_x;
     const real y = image_y * scene->inverse_image_distance + lens->shift_y;
     const real r2 = x * x + y * y;
-    // the radial factor less 1, so that a weak distortion keeps its digits
-    const real radial = r2 * (lens->above[0] + r2 * (lens->above[1] + r2 * lens->above[2]))
-                        / (1 + r2 * (lens->below[0] + r2 * (lens->below[1] + r2 * lens->below[2])));
-    const real moved_x = x * radial + 2 * lens->p1 * x * y + lens->p2 * (r2 + 2 * x * x);
-    const real moved_y = y * radial + lens->p1 * (r2 + 2 * y * y) + 2 * lens->p2 * x * y;
+    const real common = lens_radial(lens, r2) + 2 * (lens->p1 * y + lens->p2 * x);
+    const real moved_x = x * common + lens->p2 * r2, moved_y = y * common + lens->p1 * r2;
     const real column = (x + moved_x) * lens->focal_x + scene->detector_left;
     const real row = (y + moved_y) * lens->focal_y + scene->detector_top;
     const bool inside = r2 <= lens->most2 && column >= 0 && column < columns && row >= 0 && row < rows;

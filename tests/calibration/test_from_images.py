@@ -115,6 +115,27 @@ def test_a_file_of_places(tmp_path):
     assert len(m.pixels) == 25 * 25 and m.turn_rad == 0.3 and (m.offsets_mm == 0).all()
 
 
+@pytest.mark.parametrize("orientation", ["rows-reversed", "quarter-turn"])
+def test_files_lie_as_the_scene_says(tmp_path, orientation):
+    """Images and places in files that are turned give the measurement of upright ones."""
+    detector = replace(SCENE.camera.detector, orientation=orientation)
+    scene = with_part(SCENE, "camera", detector=detector)
+    direct, _ = from_images(images().stack(), SCENE)
+    of = images().each(lambda a: stored(a, orientation))
+    with h5py.File(tmp_path / "images.h5", "w") as file:
+        file["images/x"], file["images/y"], file["lines/x_mm"], file["lines/y_mm"] = of.x, of.y, of.lines_x, of.lines_y
+    m, _ = from_file(tmp_path / "images.h5", scene)
+    np.testing.assert_array_equal(m.pixels, direct.pixels)
+    np.testing.assert_allclose(m.places_mm, direct.places_mm, atol=1e-12)
+    write_places(tmp_path / "places.h5")
+    upright, _ = from_file(tmp_path / "places.h5", SCENE)
+    with h5py.File(tmp_path / "places.h5", "r+") as file:
+        for dataset in file["screen"].values():
+            dataset[...] = stored(dataset[()], orientation)
+    turned, _ = from_file(tmp_path / "places.h5", scene)
+    np.testing.assert_array_equal(turned.places_mm, upright.places_mm)
+
+
 def test_a_file_of_images(tmp_path):
     path, of = tmp_path / "images.h5", images()
     with h5py.File(path, "w") as file:

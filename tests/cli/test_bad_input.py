@@ -82,7 +82,7 @@ def cut(share):
         (cut(0), "not a readable HDF5 file: "),
         (cut(0.001), "not a readable HDF5 file: "),
         (cut(0.9), "not a readable HDF5 file: "),
-        (lambda path: (path.unlink(), path.mkdir()), "not a readable HDF5 file: it is a folder"),
+        (lambda path: (path.unlink(), path.mkdir()), "no manifest.toml in it, which says what the images show"),
         (lambda path: path.unlink(), "not a readable HDF5 file: there is no file of that name"),
         (lambda path: write_images(path, images__x=None), "/images/x: missing; must be a dataset of real numbers"),
         (lambda path: write_images(path, lines__y_mm=None), "/lines/y_mm: missing; must be a dataset of real numbers"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 import re
 import tempfile
@@ -24,7 +25,7 @@ from irtscots_cl.tracing.packing.scene import pack
 from irtscots_cl.tracing.samplers import SAMPLERS
 
 FAMILIES = {
-    "surface": ["sphere", "conic", "off_axis"],
+    "surface": ["sphere", "conic", "off_axis", "flat"],
     "mirror": ["nominal", "deviated"],
     "aperture": ["disk", "annulus"],
     "zernike": ["power", "clenshaw"],
@@ -50,6 +51,7 @@ DEVICE_FAMILIES = {
     "glass": ["none", "plate"],
 }
 PLAIN = {family: members[0] for family, members in DEVICE_FAMILIES.items()}
+LENSES = ["polynomial", "rational"]  # of a camera with distortion
 REAL = {family: members[1] for family, members in DEVICE_FAMILIES.items()}
 STRUCTS = {"Launch": LAUNCH}
 
@@ -74,8 +76,8 @@ def scene_for(choices):
         replace(terms, coefficients_um={j: c * size for j, c in terms.coefficients_um.items()}) for terms in zernike
     )
     mirror = Mirror(
-        radius_mm=1500.0,
-        conic=0.0 if choices["surface"] == "sphere" else -0.8,
+        radius_mm=math.inf if choices["surface"] == "flat" else 1500.0,
+        conic=0.0 if choices["surface"] in ("sphere", "flat") else -0.8,
         diameter_mm=330.0,
         off_axis_mm=240.0 if choices["surface"] == "off_axis" else 0.0,
         obscuration_mm=70.0 if choices["aperture"] == "annulus" else 0.0,
@@ -116,6 +118,7 @@ def test_every_kind_of_camera_and_screen_composes_and_builds(device, precision, 
     packed = pack(ChiefRays(real_setup(shape, glass, distorted)), precision)
     expected = {"frame": "turned", "camera": "distorted" if distorted else "plain",
                 "screen": "flat" if shape == "flat" else "bent", "glass": "plate" if glass else "none"}  # fmt: skip
+    assert packed.choices.get("lens") == ("rational" if distorted else None)
     assert packed.choices | expected == packed.choices
     choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
     for estimator, width in itertools.product((*ESTIMATORS, "lines"), {1, device.vector_width(precision)}):
@@ -135,8 +138,9 @@ def test_no_kernel_file_is_dead():
         for precision, width in itertools.product(("fp32", "fp64"), (1, 8))
         for file in compose(f"trace_{estimator}.cl", choices, STRUCTS, precision, width).files
     }
-    for estimator in (*ESTIMATORS, "lines"):
-        used |= set(compose(f"trace_{estimator}.cl", next(all_choices()) | REAL, STRUCTS, "fp32", 8).files)
+    for estimator, lens in itertools.product((*ESTIMATORS, "lines"), LENSES):
+        choices = next(all_choices()) | REAL | {"lens": lens}
+        used |= set(compose(f"trace_{estimator}.cl", choices, STRUCTS, "fp32", 8).files)
     for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
     for *members, light in itertools.product(*PATH_FAMILIES.values(), LIGHT_FAMILIES["light"]):
@@ -163,7 +167,7 @@ def test_families_here_are_those_of_the_folder():
         for path in kernel_files().values()
         for star in re.findall(r'^#include "([a-z0-9_]+)_\*\.cl"', path.read_text(), re.M)
     }
-    families = FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES
+    families = FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES | {"lens": LENSES}
     assert stars == {*families, "simd", "real"}
     for family, members in families.items():
         assert {f"{family}_{member}.cl" for member in members} == {

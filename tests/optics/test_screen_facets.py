@@ -41,6 +41,7 @@ def test_facets_touch_the_screen(shape):
     sides = [side.reshape(rows, columns, 3)[1:-1, 1:-1] for side in (facets.side_u, facets.side_v)]
     np.testing.assert_allclose(sides, [along_u, along_v], atol=2e-3)
     assert (normal @ chief.screen_frame.axes[2] > 0.9).all()  # away from the mirror
+    np.testing.assert_allclose(np.cross(facets.axes[:, 0], facets.axes[:, 1]), facets.axes[:, 2], atol=1e-14)
     x = np.sum(facets.axes[:, 0] * facets.side_u, -1)
     np.testing.assert_allclose(x, np.linalg.norm(facets.side_u, axis=-1), rtol=1e-14)
 
@@ -59,8 +60,8 @@ def test_a_plate_on_a_sphere_shows_a_smaller_or_larger_sphere():
         raised = thickness * (1 - 1 / index)
         # the sag grows away from the mirror with sign 1: the screen's hollow side is then its back
         expected = 0.2 * (1 + sign * raised / radius)
-        for side in seen:
-            assert np.linalg.norm(side[middle]) == pytest.approx(expected, rel=2e-5)  # (raised / radius)^2
+        for side, own in zip(seen, (facets.side_u, facets.side_v), strict=True):
+            assert side[middle] @ own[middle] / 0.2 == pytest.approx(expected, rel=2e-5)  # (raised / radius)^2
 
 
 def test_directions_are_those_outside_the_glass():

@@ -91,6 +91,7 @@ def test_what_is_written(clean, tmp_path):
     setup = SofastSetup.of_folder(clean.parent)
     facts = measure_sofast(clean, setup, tmp_path / "out")
     assert {path.name for path in (tmp_path / "out" / "figures").iterdir()} == {
+        "quality.png",
         "screen.png",
         "slopes.png",
         "height.png",

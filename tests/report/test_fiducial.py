@@ -11,7 +11,7 @@ from irtscots_cl.analysis.comparison import compare
 from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.measurement.methods import measure_by
-from irtscots_cl.report.fiducial import WORDS, mark_x, x_direction
+from irtscots_cl.report.fiducial import WORDS, MapFrame, mark_x, x_direction
 from irtscots_cl.report.figures import height_figure, image_figure, parts_figure, slope_figure
 from irtscots_cl.studies.drawing import maps
 from irtscots_cl.tracing.trace import trace
@@ -89,3 +89,24 @@ def test_the_mark_stays_inside_the_map(degrees):
     for text in axes.texts:
         own = text.get_window_extent()
         assert own.x0 >= box.x0 and own.y0 >= box.y0 and own.x1 <= box.x1 and own.y1 <= box.y1, text
+
+
+@pytest.mark.parametrize(
+    ("roll", "labels"), [(0.0, ("mirror x [mm]", "mirror y [mm]")), (50.0, ("detector column", "detector row"))]
+)
+def test_a_frame_is_of_the_shown_pixels(roll, labels):
+    _, _, result = measured(roll_deg=roll)
+    frame = MapFrame.of(result.x_mm, result.y_mm, result.mask)
+    assert (frame.x_label, frame.y_label) == labels
+    shown = result.mask[frame.cut]
+    assert shown.sum() == result.mask.sum() and shown[0].any() and shown[-1].any() and shown[:, 0].any()
+    if roll == 0.0:
+        assert frame.extent == (
+            np.nanmin(result.x_mm),
+            np.nanmax(result.x_mm),
+            np.nanmin(result.y_mm),
+            np.nanmax(result.y_mm),
+        )
+    else:
+        columns, rows = np.flatnonzero(result.mask.any(0)), np.flatnonzero(result.mask.any(1))
+        assert frame.extent == (columns[0] - 0.5, columns[-1] + 0.5, rows[0] - 0.5, rows[-1] + 0.5)

@@ -75,6 +75,9 @@ def test_numbers_with_their_units(value, unit, text):
     assert shown(abs(value), unit, "") == text.lstrip("+-")
 
 
-def test_the_figure(found, tmp_path):
+def test_the_figure(found, tmp_path, monkeypatch):
+    marked = []
+    monkeypatch.setattr("irtscots_cl.report.identification.mark_x", lambda axes, towards: marked.append(towards))
     name = write_direction_figure(found, tmp_path)
     assert (tmp_path / name).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert len(marked) == len(found.directions)  # every map has its fiducial

@@ -250,9 +250,8 @@ def scenes(draw):
     off_axis = min(draw(st.floats(0.0, 0.4)) * reach, 1e6)
     hole = draw(st.floats(0.0, 0.99)) * diameter
     deviation = tuple(draw(st.lists(terms, max_size=2)))
-    curved = Mirror(
-        draw(st.sampled_from([1, -1])) * radius, diameter, conic, off_axis, hole, draw(fractions), deviation
-    )
+    sign = draw(st.sampled_from([1, -1]))
+    curved = Mirror(sign * radius, diameter, conic, off_axis, hole, draw(fractions), deviation)
     flat = dataclasses.replace(curved, radius_mm=math.inf, conic=0.0, off_axis_mm=0.0)
     mirror = draw(st.sampled_from([curved, flat]))
     height = diameter * 6 + draw(lengths) + 1e4

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from lopsided import lopsided
 from oracle import tracer
 from scenes import CURVATURES, scene_of
 
@@ -12,7 +11,6 @@ from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.quadric import Quadric
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_curves import Flag
-from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.stability import curves, masks
 from irtscots_cl.stability.checks import Bench, Limit, finding
 from irtscots_cl.stability.conics import HALVES
@@ -60,11 +58,10 @@ def test_the_host_too_meets_the_mirrors_own_half_alone(mirror):
 # --- the reference -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "scene", [load_scene("off-axis"), lopsided(), *map(scene_of, CURVATURES)], ids=lambda scene: scene.name
-)
-def test_exact_mirror_agrees_with_the_oracle(scene):
+@pytest.mark.parametrize("name", ["off-axis", "lopsided", *CURVATURES])
+def test_exact_mirror_agrees_with_the_oracle(name):
     """Two references, written apart: 50 digits with the factorial sums in x and y, float64 in polar coordinates."""
+    scene = scene_of(name)
     random, n = np.random.default_rng(5), 64
     x, y = random.uniform(-0.35, 0.35, (2, n)) * scene.mirror.diameter_mm
     p, q = random.uniform(-0.3, 0.3, (2, n))

@@ -15,6 +15,9 @@ from scipy import stats
 from significance import sidak_z
 
 from irtscots_cl.scene.element import Element
+from irtscots_cl.scene.instrument import Camera, Detector, Screen
+from irtscots_cl.scene.mirror import Mirror
+from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.scatter.models import Harvey, Lambertian
 from irtscots_cl.tracing.results.paths import NOT_TRACED
@@ -136,3 +139,26 @@ def test_a_detector_element_tells_what_comes(device):
     assert T * stays.standard_error_w < 0.02 * expected
     assert math.isclose(light.ends["absorbed by meter"] / light.ends["launched"], stays.flux_w / traced_w(light),
                         rel_tol=0.01)  # fmt: skip
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_plates_that_face_along_x_and_along_y_get_the_same_light(device, sign):
+    """A quarter turn of the bench about Z: the plates' widths, 4 to 1, lie along the world's X and Z then."""
+    scene = Scene(
+        "square", Mirror(radius_mm=math.inf, diameter_mm=150.0),
+        Screen(position_mm=(0.0, 0.0, 100.0), pixels=(7, 7), pitch_mm=1.0),
+        Camera(position_mm=(0.0, 0.0, 400.0), aperture_diameter_mm=1.0, focal_length_mm=16.0,
+               detector=Detector(pixels=(16, 16), pitch_mm=0.4)),
+    )  # fmt: skip
+    upright = {"kind": "detector", "important": True}
+    plates = (
+        Element("along_y", position_mm=(0.0, sign * 80.0, 40.0), facing_mm=(0.0, 0.0, 40.0), size_mm=(20.0, 80.0),
+                **upright),
+        Element("along_x", position_mm=(sign * 80.0, 0.0, 40.0), facing_mm=(0.0, 0.0, 40.0), size_mm=(80.0, 20.0),
+                **upright),
+    )  # fmt: skip
+    light = light_of(replace(scene, element=plates), device, as_it_is=True, rays_per_pixel=2**15)
+    first, second = (staying_of(light)[f"absorbed by {plate.name}"] for plate in plates)
+    error = np.hypot(first.standard_error_w, second.standard_error_w)
+    assert abs(first.flux_w - second.flux_w) < T * error
+    assert T * error < 0.1 * first.flux_w  # plates turned about their normals would differ by more

@@ -96,7 +96,8 @@ def test_adjoint_paths(device, precision, name):
     scene = scene_of(name)
     rays = adjoint_rays(device, scene, precision)
     paths, oracle = rays.paths, rays.oracle
-    met = oracle.on_mirror
+    # a nearly level ray may pass the mirror and meet the far side of its sphere, which the oracle tells by nothing else
+    met = oracle.on_mirror & (np.abs(oracle.mirror[:, 2]) < scene.mirror.diameter_mm / 4)
     assert met.sum() >= (3000 if name == "sideways" else 20_000)  # most of its pixels see the mirror at their edge
     assert worst((paths[:, 0:2] - ground(oracle))[met]) < MIRROR_MM[precision]
     assert worst((paths[:, 2:5] - oracle.mirror)[met]) < MIRROR_MM[precision]

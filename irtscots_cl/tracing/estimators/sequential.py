@@ -89,21 +89,6 @@ def _check_in_front(setup: Setup) -> None:
         )
 
 
-def _check_camera_above(setup: Setup) -> None:
-    """Raise ValueError if the camera is not above the points of the mirror that it sees: its rays go down to them."""
-    chief, camera = setup.chief_rays, setup.scene.camera
-    frame = chief.camera_frame
-    lowest = frame.position_mm[2] - camera.aperture_diameter_mm / 2 * np.hypot(*frame.axes[:2, 2])
-    seen = chief.rims[0][chief.sees_mirror]
-    on = chief.surface.contains(seen[..., 0], seen[..., 1])
-    highest = seen[..., 2][on].max(initial=-np.inf)
-    if not lowest > highest:
-        raise ValueError(
-            f"scene {setup.scene.name}: --estimator adjoint: the camera's aperture is at z = {lowest:.6g} mm; must be "
-            f"above what it sees of the mirror, which is up to {highest:.6g} mm high"
-        )
-
-
 def _pass_on(finished, task: SequentialTask, executor: Executor, rays: np.ndarray, sums) -> None:
     """Give `finished` the trace so far, unless the trace will start again with wider windows."""
     rays = rays[: len(sums[0])]
@@ -183,7 +168,6 @@ class SequentialTask:
             structs, area = emitters(self.setup, options.precision, options.overfill, options.aim)
             unit = (gain * screen.pixel_area_mm2 * area).reshape(screen.pixels[::-1])
             return structs, windows.gather(unit)
-        _check_camera_above(self.setup)
         chief = self.setup.chief_rays
         area = np.pi / 4 * camera.aperture_diameter_mm**2 * chief.camera_model.pixel_area_mm2
         unit = gain * area / camera.image_distance_mm**2 * relative_flux(chief, windows.pixels) / WEIGHT_ONE

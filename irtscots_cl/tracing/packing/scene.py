@@ -87,6 +87,7 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
         scene["zernike"] = tables
     if distorted:
         _fill_lens(scene["lens"], chief)
+        choices["lens"] = "rational" if any(chief.camera_model.distortion[5:]) else "polynomial"
     if glass is not None:
         scene["glass_thickness"], scene["glass_index2"] = glass.thickness_mm, glass.index**2
     choices |= {

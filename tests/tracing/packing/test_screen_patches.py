@@ -49,6 +49,8 @@ def test_rays_meet_a_patch_where_they_meet_the_screen():
     assert left[-1] < 1e-10  # mm: the surface is a cubic, so nothing but the steps is left
     # each step leaves a hundredth or so of the last error
     assert all(later < 0.05 * earlier for earlier, later in pairwise(left[:5]))
+    for asked in (1e-5, 1e-10):  # of a screen pixel; the steps are counted in the corners of the patches, not beyond
+        assert left[steps_needed(chief, patches, _slopes(chief, pixels), asked) - 1] < asked * 0.9
 
 
 @pytest.mark.parametrize("shape", ["sag", "points"])
