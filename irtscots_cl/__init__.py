@@ -48,6 +48,7 @@ _PUBLIC = {
     "SceneError": "scene.validation",
     "Transport": "tracing.results.transport",
     "all_devices": "opencl.device",
+    "calibrate": "calibration.calibrate",
     "check_images": "measurement.quality",
     "compare": "analysis.comparison",
     "error_bars": "measurement.error_bars",
@@ -78,6 +79,7 @@ if TYPE_CHECKING:
     from irtscots_cl.analysis.comparison import compare as compare
     from irtscots_cl.analysis.error_terms import error_terms as error_terms
     from irtscots_cl.analysis.stray_light import stray_light as stray_light
+    from irtscots_cl.calibration.calibrate import calibrate as calibrate
     from irtscots_cl.calibration.identification import identify as identify
     from irtscots_cl.execution.checkpoint import Checkpoints as Checkpoints
     from irtscots_cl.execution.checkpoint import Interrupted as Interrupted

@@ -23,11 +23,11 @@ from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
 ROUNDS = 40
-NEAR = 0.1  # standard errors: a smaller step of all unknowns ends the rounds with robust weights,
+NEAR = 1.0  # standard errors: a smaller step of all unknowns ends the rounds with robust weights,
 CONVERGED = 1e-3  # and those without
 SAME_NOISE = 1e-2
 HALVINGS = 8  # of a step that makes the fit worse
-HUBER = 3.0  # noise levels: beyond them a pixel counts less
+HUBER = 0.3  # noise levels: beyond them a pixel counts less. So few that a minority, however far off, moves little
 REJECTED = math.sqrt(-2 * math.log(1e-6))  # noise levels: farther away is one good pixel of a million
 MEDIAN = math.sqrt(2 * math.log(2))  # of the distance of two independent normal numbers from zero
 REJECT_ROUNDS = 15

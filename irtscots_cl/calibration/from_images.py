@@ -45,7 +45,7 @@ PLACES = [f"screen/{axis}{what}_mm" for what in ("", "_standard_error") for axis
 
 
 class ThinnedSetup(Setup):
-    """A set-up of which only the light of every step-th pixel in both directions is modelled."""
+    """A set-up of which the light of every step-th pixel in both directions is modelled; 1: of all."""
 
     def __init__(self, scene: Scene, step: int):
         super().__init__(scene)
@@ -62,7 +62,7 @@ class ThinnedSetup(Setup):
 
     @cached_property
     def pixel_light(self) -> PixelLight:
-        return PixelLight.of(self.chief_rays, self.chosen)
+        return PixelLight.of(self.chief_rays, None if self.step == 1 else self.chosen)
 
 
 def step_of(scene: Scene, most: int = MOST_PIXELS) -> int:
@@ -84,18 +84,35 @@ def from_images(
     most: of how many pixels the light is estimated, about. kind: turn_rad, knows_mirror, own, name of Measurement.
     Raises ValueError if the images do not fit the scene.
     """
-    step, guess = step_of(scene, most), seen_as or scene
-    setup = Setup(guess) if step == 1 else ThinnedSetup(guess, step)
+    setup = _setup(scene, seen_as, most)
+    return _measured(_usable(stack, setup), setup, scene, kind)
+
+
+def _setup(scene: Scene, seen_as: Scene | None, most: int) -> ThinnedSetup:
+    """The set-up from which the light is modelled."""
+    return ThinnedSetup(seen_as or scene, step_of(scene, most))
+
+
+def _usable(
+    stack: ImageStack, setup: ThinnedSetup, saturation: float = math.inf, use: BoolArray | None = None
+) -> ImageStack:
+    """The part of the images that is looked at, with the value at which they are saturated."""
     check_fits(stack, setup.chief_rays)
-    if step > 1:
+    if setup.step > 1:
         stack = stack.masked(setup.chief_rays.sees_mirror)
-    stack = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
+    stack = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w, saturation))
+    return stack if use is None else stack.masked(use)
+
+
+def _measured(
+    stack: ImageStack, setup: ThinnedSetup, scene: Scene, kind: dict[str, Any]
+) -> tuple[Measurement, list[Check]]:
     estimates = estimate_centroids(stack, setup, BEST)
-    checks = _checks(stack, setup, estimates, step)
+    checks = _checks(stack, setup, estimates, setup.step)
     places, errors, flux = _maps(setup, estimates)
     x, y, u, v = design_points(setup)
     good = np.isfinite(np.stack([*places, *errors, x, y, u, v])).all(0) & (flux > 0)
-    pixels = np.flatnonzero(good & _inside(setup, flux, step))
+    pixels = np.flatnonzero(good & _inside(setup, flux, setup.step))
     points, at_u, at_v = setup.chief_rays.reverse(*np.divmod(pixels, good.shape[1]))
     u, v, x, y = (values.ravel()[pixels] for values in (u, v, x, y))
     pitch = np.array(scene.screen.pitch_xy_mm)[:, None]
@@ -106,7 +123,7 @@ def from_images(
         np.hypot(errors.reshape(2, -1)[:, pixels], FLOOR * pitch),
         np.stack([u - at_u, v - at_v]),
         np.stack([x - points[:, 0], y - points[:, 1]]),
-        every=step,
+        every=setup.step,
         **kind,
     )
     return measurement, checks
@@ -166,8 +183,9 @@ def from_file(
     try:
         places = _places_of(path)
         if places is None:
-            stack = read_images(path, scene).saturating_at(saturation)
-            return from_images(stack if use is None else stack.masked(use), scene, seen_as, most, **kind)
+            setup = _setup(scene, seen_as, most)
+            stack = _usable(read_images(path, scene), setup, saturation, use)  # the others' memory is free again
+            return _measured(stack, setup, scene, kind)
         places = [upright(values, scene.camera.detector.orientation) for values in places]
         if use is not None and use.shape == places[0].shape:
             places[0] = np.where(use, places[0], np.nan)

@@ -18,6 +18,7 @@ from irtscots_cl.calibration.jacobian import design_centroids
 from irtscots_cl.calibration.measured import Measurement
 from irtscots_cl.calibration.parameters import moved
 from irtscots_cl.imaging.orientation import stored
+from irtscots_cl.measurement.reconstruction import design_points
 from irtscots_cl.optics.setup import Setup
 
 SCENE = small(25).nominal()
@@ -49,6 +50,11 @@ def test_a_better_guess_of_the_geometry_has_a_better_model_of_the_light():
     assert m.scene == SCENE
     z = pulls(m)
     assert abs(z.mean()) < 5 / np.sqrt(z.size) and 0.8 < z.std() < 1.2
+    for scene, is_guess in ((moved(SCENE, TRUE), True), (SCENE, False)):
+        setup = Setup(scene)
+        there = np.stack(setup.chief_rays.reverse(*m.place_of())[1:])
+        offsets = np.stack(design_points(setup)[2:]).reshape(2, -1)[:, m.pixels] - there
+        assert np.array_equal(m.offsets_mm, offsets) == is_guess
 
 
 def test_offsets_are_small_and_those_of_the_light():

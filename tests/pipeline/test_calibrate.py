@@ -10,12 +10,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from calibrations import measured, paraboloid, write_places
+from calibrations import inner_pixels, measured, paraboloid, write_places
 from noisy_images import Images, images_of, small
 
 from irtscots_cl.calibration.calibrate import FITTED, Unknowns
+from irtscots_cl.calibration.jacobian import design_centroids
 from irtscots_cl.calibration.measured import Measurement
 from irtscots_cl.calibration.parameters import moved
+from irtscots_cl.pipeline import calibrate as module
 from irtscots_cl.pipeline.calibrate import FILES, calibrate_files
 from irtscots_cl.pipeline.measurement_list import planned
 from irtscots_cl.scene.model import Scene
@@ -68,6 +70,17 @@ def test_images_give_a_scene_that_measures_the_mirror(tmp_path):
         assert 0.7 < np.std(residual[used] / error[used]) < 1.3
         assert np.isfinite(file["height/standard_deviation_nm"][()][np.isfinite(file["height/after_nm"][()])]).all()
         assert file["height/after_nm"].attrs["unit"] == "nm"
+
+
+def test_the_light_is_modelled_with_the_geometry_of_a_first_fit(tmp_path, monkeypatch):
+    guesses, read = [], module.from_file
+    monkeypatch.setattr(module, "from_file", lambda *a, **k: (guesses.append(a[2]), read(*a, **k))[1])
+    calibrate_files(planned([write_images(tmp_path / "lab.h5")], SCENE), SCENE, tmp_path / "out", PLAIN)
+    believed, guess = guesses
+    assert believed == SCENE and guess.mirror.zernike
+    inside = inner_pixels(SCENE).ravel()
+    true, first, second = (design_centroids(s, SCENE)[:, inside] for s in (moved(SCENE, TRUE), believed, guess))
+    assert np.std(second - true) < 0.02 * np.std(first - true)
 
 
 def test_several_files_with_the_mirror_turned(tmp_path):
