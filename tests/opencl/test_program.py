@@ -110,9 +110,13 @@ def test_every_combination_of_files_composes_and_builds(device, choices):
         assert [k.function_name for k in build(device, source).all_kernels()] == [f"trace_{estimator}"]
 
 
-@pytest.mark.parametrize("glass", [False, True])
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("distorted", [False, True])
+KINDS = [(distorted, shape, glass) for distorted in (False, True) for shape in SHAPES for glass in (False, True)]
+USUAL = {(True, "points", True), (True, "flat", False), (False, "sag", False)}  # the others take minutes to build
+
+
+@pytest.mark.parametrize(
+    "distorted, shape, glass", [k if k in USUAL else pytest.param(*k, marks=pytest.mark.slow) for k in KINDS]
+)
 def test_every_kind_of_camera_and_screen_composes_and_builds(device, precision, distorted, shape, glass):
     """At the device's own width and ray by ray, as GPUs trace them."""
     packed = pack(ChiefRays(real_setup(shape, glass, distorted)), precision)
