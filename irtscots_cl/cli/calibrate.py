@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
 
-from irtscots_cl.cli.common import command, print_json, print_tables, warn_of
+from irtscots_cl.cli.common import add_usable_samples, command, print_json, print_tables, warn_of
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 
@@ -62,27 +61,8 @@ def add(commands) -> None:
         help="only what [calibration.known] says is known; without it an unknown has its usual size, such as 0.5 mm or "
         "0.1 degree",
     )
-    _add_reading(parser)
+    add_usable_samples(parser)
     parser.add_argument("--strict", action="store_true", help="refuse a doubtful calibration, with exit code 2")
-
-
-def _add_reading(parser: argparse.ArgumentParser) -> None:
-    """What of the images may be used, as in reconstruct."""
-    parser.add_argument(
-        "--saturation",
-        type=float,
-        default=math.inf,
-        metavar="V",
-        help="value from which on a sample of the images is saturated and not used; default: the images' own ceiling, "
-        "where they show one",
-    )
-    parser.add_argument(
-        "--mask",
-        type=Path,
-        metavar="FILE",
-        help="picture (PNG, TIFF), NPY array or HDF5 file with a dataset `mask`, of the images' size and lying as they "
-        "do: pixels where it is 0 are not used",
-    )
 
 
 def _execute(options: argparse.Namespace) -> int:

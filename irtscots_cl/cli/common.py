@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import math
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from irtscots_cl.scene.presets import load_scene, with_noise_file
@@ -49,6 +51,25 @@ def command(commands, name: str, function: Callable, text: str, more: str = "") 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="preset name (see `irtscots scenes`) or path of a TOML file")
+
+
+def add_usable_samples(parser: argparse.ArgumentParser) -> None:
+    """Which samples of a laboratory's images may be used."""
+    parser.add_argument(
+        "--saturation",
+        type=float,
+        default=math.inf,
+        metavar="V",
+        help="value from which on a sample of the images is saturated and not used; default: the images' own ceiling, "
+        "where they show one",
+    )
+    parser.add_argument(
+        "--mask",
+        type=Path,
+        metavar="FILE",
+        help="picture (PNG, TIFF), NPY array or HDF5 file with a dataset `mask`, of the images' size and lying as they "
+        "do: pixels where it is 0 are not used",
+    )
 
 
 def visible_setup(name_or_path: str, noise_path: str | None = None) -> Setup:

@@ -7,7 +7,16 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from irtscots_cl.cli.common import LAB_MEASURE, add_measure, command, print_json, print_tables, warn, warn_of
+from irtscots_cl.cli.common import (
+    LAB_MEASURE,
+    add_measure,
+    add_usable_samples,
+    command,
+    print_json,
+    print_tables,
+    warn,
+    warn_of,
+)
 from irtscots_cl.scene.presets import load_scene
 
 if TYPE_CHECKING:
@@ -66,21 +75,7 @@ def _add_image_choices(parser: argparse.ArgumentParser) -> None:
         help="paper and fine: least part of a light curve's peak that counts for its centroid, 0 to below 1; "
         "default 0. It cuts off light too, which moves the centroids",
     )
-    parser.add_argument(
-        "--saturation",
-        type=float,
-        default=math.inf,
-        metavar="V",
-        help="value from which on a sample of the images is saturated and not used; default: the images' own ceiling, "
-        "where they show one",
-    )
-    parser.add_argument(
-        "--mask",
-        type=Path,
-        metavar="FILE",
-        help="picture (PNG, TIFF), NPY array or HDF5 file with a dataset `mask`, of the images' size and lying as they "
-        "do: pixels where it is 0 are not used",
-    )
+    add_usable_samples(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:
