@@ -15,13 +15,12 @@ from irtscots_cl.calibration.measured import Measurement
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.maths.integration import integrate
 from irtscots_cl.maths.zernike.polynomials import zernike
-from irtscots_cl.measurement.reconstruction import triangulated
+from irtscots_cl.measurement.reconstruction import surface_of, triangulated
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.model import Scene
 
 MOST_NODES = 40_000  # of a height map: larger images are thinned, since what the unknowns do is smooth
 STEP_MM = 1e-3  # on the screen, for derivatives
-ROUNDS = 2  # slopes, height, slopes, height: as in measurement.reconstruction
 TERMS = tuple(range(4, 16))  # Noll terms that are stated: up to radial order 4
 
 
@@ -68,14 +67,10 @@ class HeightGrid:
         """Height [..., r, c] in mm, above told_from_mm that explains places [2, ..., r, c] on the believed grid."""
         u, v = self._own_grid(places_mm)
         x, y = self.mirror_mm
-        design = self.chief.surface.sag(x, y)
-        design_slopes = triangulated(self.chief, x, y, design, *self.landing_mm)
-        deviation = np.zeros(u.shape)
-        for _ in range(ROUNDS):
-            slopes = triangulated(self.chief, x, y, design + deviation, u, v)
-            extra_x, extra_y = (np.where(self.mask, s - own, 0.0) for s, own in zip(slopes, design_slopes, strict=True))
-            deviation = integrate(x, y, extra_x, extra_y, self.mask, "cubic").z_mm
-        found: FloatArray = deviation + (design - self.told_from_mm)
+        _, _, deviation, _ = surface_of(
+            self.chief, (x, y), (self.landing_mm[0], self.landing_mm[1]), self.mask, (u, v), "cubic", True
+        )
+        found: FloatArray = deviation + (self.chief.surface.sag(x, y) - self.told_from_mm)
         return found
 
     def slopes(self, places_mm: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -184,32 +185,47 @@ def reconstruct(
     on_mirror = (chief.footprint.coverage >= min_coverage) & (True if stack.use is None else stack.use)
     points = design_points(setup)
     mask = _usable(chief, on_mirror, flags, points)
+    found = {"light_curve": light_curve, "flags": flags, "estimates_of_scans": estimates}
+    return reconstruction_of(setup, points, on_mirror, mask, (centroid_x, centroid_y), method, pixel_average, **found)
+
+
+def reconstruction_of(
+    setup: Setup,
+    points: list[FloatArray],
+    on_mirror: BoolArray,
+    mask: BoolArray,
+    centroid: Pair,
+    method: str,
+    pixel_average: bool,
+    **found: Any,
+) -> Reconstruction:
+    """The surface from centroids (u, v) [1 + replicates, rows, columns] in mm, of the pixels in the mask.
+
+    points: of the design, as from design_points. found: other fields of the Reconstruction.
+    """
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in points)
     slope_x, slope_y, deviation, islands = surface_of(
-        chief, (x_mm, y_mm), (u_mm, v_mm), mask, (centroid_x, centroid_y), method, pixel_average
+        setup.chief_rays, (x_mm, y_mm), (u_mm, v_mm), mask, centroid, method, pixel_average
     )
-    design = chief.surface.sag(x_mm, y_mm)
     return Reconstruction(
         setup=setup,
-        light_curve=light_curve,
         method=method,
         pixel_average=pixel_average,
         x_mm=x_mm,
         y_mm=y_mm,
         on_mirror=on_mirror,
         mask=mask,
-        flags=flags,
-        centroid_x_mm=np.where(mask, centroid_x[0], np.nan),
-        centroid_y_mm=np.where(mask, centroid_y[0], np.nan),
+        centroid_x_mm=np.where(mask, centroid[0][0], np.nan),
+        centroid_y_mm=np.where(mask, centroid[1][0], np.nan),
         slope_x=slope_x[0],
         slope_y=slope_y[0],
-        height_mm=design + deviation[0],
+        height_mm=setup.chief_rays.surface.sag(x_mm, y_mm) + deviation[0],
         deviation_mm=deviation[0],
         jackknife_slope_x=slope_x[1:],
         jackknife_slope_y=slope_y[1:],
         jackknife_deviation_mm=deviation[1:],
-        estimates_of_scans=estimates,
         islands=islands,
+        **found,
     )
 
 

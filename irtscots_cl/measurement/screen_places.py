@@ -8,7 +8,7 @@ import numpy as np
 
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.light_curves import Flag
-from irtscots_cl.measurement.reconstruction import MIN_PIXELS, Reconstruction, design_points, surface_of
+from irtscots_cl.measurement.reconstruction import MIN_PIXELS, Reconstruction, design_points, reconstruction_of
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 
@@ -50,7 +50,6 @@ def surface_from_places(
     not have the detector's pixels or fewer than MIN_PIXELS of them can be used.
     """
     setup = Setup.of(nominal)
-    chief = setup.chief_rays
     _check_pixels(places, setup)
     points, on_mirror = _design(setup, aperture, min_coverage)
     on_mirror = on_mirror if mirror is None else on_mirror & mirror
@@ -60,34 +59,13 @@ def surface_from_places(
             f"scene {setup.scene.name}: {mask.sum()} of the {on_mirror.sum()} detector pixels on the mirror see a "
             f"known place of the screen; must be at least {MIN_PIXELS}"
         )
-    x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in points)
-    found_u, found_v = (np.where(mask, place, np.nan) for place in (places.u_mm, places.v_mm))
-    slope_x, slope_y, deviation, islands = surface_of(
-        chief, (x_mm, y_mm), (u_mm, v_mm), mask, (found_u[None], found_v[None]), method, pixel_average
-    )
-    none = np.zeros((0, *mask.shape))
-    return Reconstruction(
-        setup=setup,
-        light_curve=PLACES,
-        method=method,
-        pixel_average=pixel_average,
-        x_mm=x_mm,
-        y_mm=y_mm,
-        on_mirror=on_mirror,
-        mask=mask,
-        flags=np.where(mask, Flag.GOOD, Flag.EMPTY),
-        centroid_x_mm=found_u,
-        centroid_y_mm=found_v,
-        slope_x=slope_x[0],
-        slope_y=slope_y[0],
-        height_mm=chief.surface.sag(x_mm, y_mm) + deviation[0],
-        deviation_mm=deviation[0],
-        jackknife_slope_x=none,
-        jackknife_slope_y=none,
-        jackknife_deviation_mm=none,
-        islands=islands,
-        place_errors_mm=(places.u_error_mm, places.v_error_mm),
-    )
+    found = {
+        "light_curve": PLACES,
+        "flags": np.where(mask, Flag.GOOD, Flag.EMPTY),
+        "place_errors_mm": (places.u_error_mm, places.v_error_mm),
+    }
+    centroid = tuple(np.where(mask, place, np.nan)[None] for place in (places.u_mm, places.v_mm))
+    return reconstruction_of(setup, points, on_mirror, mask, (centroid[0], centroid[1]), method, pixel_average, **found)
 
 
 def _check_pixels(places: ScreenPlaces, setup: Setup) -> None:
