@@ -43,10 +43,6 @@ class SecondHarmonic:
         return np.nan if np.isnan(self.ratio) else gamma_of(self.ratio)
 
     @property
-    def gamma_error(self) -> float:
-        return 3 * self.standard_error / (1 - self.ratio) ** 2
-
-    @property
     def is_seen(self) -> bool:
         """Whether it differs from zero by more than chance: five standard errors."""
         return abs(self.ratio) > 5 * self.standard_error

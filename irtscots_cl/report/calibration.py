@@ -22,7 +22,6 @@ from irtscots_cl.report.types import CheckFacts
 from irtscots_cl.system.atomic_files import replacing
 
 LEFT = ("piston_tilt", "piston_tilt_power")
-SHOWN_TERMS = 0.5  # nm: smaller ones are not printed
 
 
 class UnknownFacts(TypedDict):

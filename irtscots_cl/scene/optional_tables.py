@@ -26,11 +26,6 @@ FILES = ("quantum_efficiency_map", "brightness_map")  # keys whose value is a pa
 _adapter = functools.cache(TypeAdapter)
 
 
-def has_optional_tables(data: dict[str, Any]) -> bool:
-    """Whether the data of a file have one of KINDS."""
-    return any(_at(data, steps) is not None for steps in KINDS)
-
-
 def _kind(steps: tuple[str, ...]) -> Any:
     module, name = KINDS[steps]
     return getattr(import_module(f"irtscots_cl.scene.{module}"), name)
