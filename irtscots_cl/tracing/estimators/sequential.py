@@ -74,9 +74,8 @@ def _check_in_front(setup: Setup) -> None:
     below the screen: the kernels follow light that falls onto the mirror."""
     chief = setup.chief_rays
     facets, points = ScreenFacets.of(chief), mirror_rings(chief.surface, RINGS).reshape(-1, 3)
-    lowest, highest = float(facets.points[:, 2].min()), max(float(points[:, 2].max()), 0.0)
-    if facets.is_flat:
-        lowest = float(screen_corners(chief)[:, 2].min())
+    ends = screen_corners(chief) if facets.is_flat else facets.points
+    lowest, highest = float(ends[:, 2].min()), max(float(points[:, 2].max()), 0.0)
     if not lowest > highest:
         raise ValueError(
             f"scene {setup.scene.name}: --estimator forward: pixels of the screen are at z = {lowest:.6g} mm; must be "
