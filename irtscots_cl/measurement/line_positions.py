@@ -15,7 +15,6 @@ from irtscots_cl.imaging.orientation import TRANSPOSED
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.optics.chief_rays import ChiefRays
-from irtscots_cl.scene.camera_intrinsics import picture_size
 from irtscots_cl.scene.instrument import ORIENTATIONS, Camera
 from irtscots_cl.scene.model import Scene
 
@@ -110,6 +109,8 @@ def _remedy(found: tuple[int, int], camera: Camera) -> str:
         )
     if camera.intrinsics is None:
         return "; a region of interest or binning goes into roi_px and binning of [camera.intrinsics]"
+    from irtscots_cl.scene.camera_intrinsics import picture_size  # imported late: few scenes have the table
+
     size, binning = picture_size(camera.intrinsics, camera.detector.pixels), camera.intrinsics.binning
     whole = (size[1] // binning[1], size[0] // binning[0])
     named = f"camera.detector.pixels = [{columns}, {rows}], roi_px = {list(camera.intrinsics.roi_px)}"

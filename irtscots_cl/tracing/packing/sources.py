@@ -19,8 +19,6 @@ from irtscots_cl.optics.screen_facets import ScreenFacets, pixel_centres
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system.memory import check_memory
-from irtscots_cl.tracing.packing.image_maps import fill_images, image_maps, stretches
-from irtscots_cl.tracing.packing.screen_patches import fill_patches
 
 MIN_COSINE4 = 2.0**-6  # weights stay at or below WEIGHT_ONE times its inverse, 2^30: cos^4 is at most 1
 
@@ -34,10 +32,14 @@ def receivers(chief: ChiefRays, visible_pixels: np.ndarray, origins: np.ndarray,
     model, bent = chief.camera_model, chief.screen_model.surface is not None
     out = np.zeros(len(visible_pixels), receiver_dtype(PRECISIONS[precision], model.is_distorted, bent))
     if model.is_distorted:
+        from irtscots_cl.tracing.packing.image_maps import fill_images, image_maps  # imported late: few lenses distort
+
         fill_images(out, image_maps(model, rows, columns))
     else:
         out["x"], out["y"] = model.image_point(rows, columns)
     if bent:
+        from irtscots_cl.tracing.packing.screen_patches import fill_patches  # imported late: few screens are bent
+
         fill_patches(out, chief, visible_pixels, precision)
     out["weight_scale"] = WEIGHT_ONE / relative_flux(chief, visible_pixels)
     out["column"], out["row"] = origins.T
@@ -81,6 +83,8 @@ def relative_flux(chief: ChiefRays, visible_pixels: np.ndarray) -> np.ndarray:
     cosine4 = (1 + (x**2 + y**2) / distance**2) ** -2
     if not chief.camera_model.is_distorted:
         return np.maximum(cosine4, MIN_COSINE4)
+    from irtscots_cl.tracing.packing.image_maps import image_maps, stretches
+
     middle, most = stretches(chief.camera_model, image_maps(chief.camera_model, rows, columns))
     return np.maximum(cosine4 * middle, MIN_COSINE4 * most)
 
