@@ -18,6 +18,7 @@ from pydantic.dataclasses import dataclass
 from pydantic_core import PydanticCustomError
 
 MAX_LENGTH_MM = 1e12  # as a radius it means a plane mirror: 0.1 nm of sag over a metre
+MIN_LENGTH_MM = 1 / MAX_LENGTH_MM  # with it no inverse of a length overflows, not even in single precision
 MAX_PIXELS_PER_AXIS = 16384
 SHOWN_CHARACTERS = 40
 
@@ -46,13 +47,13 @@ def _whole(value: object, check: Any) -> object:
 
 
 def _not_zero(value: float) -> float:
-    if value == 0.0:
+    if abs(value) < MIN_LENGTH_MM:
         raise PydanticCustomError("zero", "zero")
     return value
 
 
 def _mirror_radius(value: float) -> float:
-    if not (0.0 < abs(value) <= MAX_LENGTH_MM or value == math.inf):  # NaN fails too
+    if not (MIN_LENGTH_MM <= abs(value) <= MAX_LENGTH_MM or value == math.inf):  # NaN fails too
         raise PydanticCustomError("radius", "radius")
     return value
 
@@ -70,10 +71,10 @@ _Count = Annotated[int, Strict(), Field(ge=1, le=MAX_PIXELS_PER_AXIS)]
 _GRID_TEXT = f"[columns, rows], two integers from 1 to {MAX_PIXELS_PER_AXIS}"
 _NAME_TEXT = "1 to 64 characters of A-Z a-z 0-9 . _ - without a leading dot"
 
-_POSITIVE = bounded(gt=0, le=MAX_LENGTH_MM)
+_POSITIVE = bounded(ge=MIN_LENGTH_MM, le=MAX_LENGTH_MM)
 PositiveMm = Annotated[float, Strict(), _POSITIVE]
 OptionalMm = Annotated[PositiveMm | None, Field(description=_POSITIVE.description)]
-_PITCH = "a finite number above 0 and at most 1e+12, or an array [x, y] of two of them"
+_PITCH = f"{_POSITIVE.description}, or an array [x, y] of two of them"
 PitchMm = Annotated[PositiveMm | tuple[PositiveMm, PositiveMm], WrapValidator(_whole), Field(description=_PITCH)]
 Degrees = Annotated[float, Strict(), bounded(ge=-360, le=360)]
 NonNegativeMm = Annotated[float, Strict(), bounded(ge=0, le=MAX_LENGTH_MM)]
@@ -89,7 +90,7 @@ OffsetMm = Annotated[
 ]
 PixelGrid = Annotated[tuple[_Count, _Count], *_ARRAY, Field(description=_GRID_TEXT)]
 Fraction = Annotated[float, Strict(), bounded(gt=0, le=1)]
-_SIGNED = f"a number other than 0 within {MAX_LENGTH_MM:g}"
+_SIGNED = f"a number from {MIN_LENGTH_MM:g} to {MAX_LENGTH_MM:g} on either side of 0"
 OptionalSignedMm = Annotated[
     Annotated[float, Strict(), bounded(ge=-MAX_LENGTH_MM, le=MAX_LENGTH_MM), AfterValidator(_not_zero)] | None,
     Field(description=_SIGNED),
@@ -102,7 +103,7 @@ _INDEX = bounded(ge=1, le=10)
 OptionalIndex = Annotated[Annotated[float, Strict(), _INDEX] | None, Field(description=_INDEX.description)]
 OptionalSizeMm = Annotated[
     Annotated[tuple[PositiveMm, PositiveMm], *_ARRAY] | None,
-    Field(description=f"[width, height], two finite numbers above 0 and at most {MAX_LENGTH_MM:g}"),
+    Field(description=f"[width, height], each {_POSITIVE.description}"),
 ]
 Radiance = Annotated[float, Strict(), bounded(gt=0, le=1e12)]
 Conic = Annotated[float, Strict(), bounded(ge=-1e6, le=1e6)]

@@ -18,10 +18,10 @@ from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.tracing.trace import trace
 
 BASE = tomllib.loads(preset_text("sphere-singlet"))
-LENGTH = "a finite number above 0 and at most 1e+12"
+LENGTH = "a finite number at least 1e-12 and at most 1e+12"
 NOT_NEGATIVE = "a finite number at least 0 and at most 1e+12"
-SIGNED = "a number other than 0 within 1e+12"
-SIZE = "[width, height], two finite numbers above 0 and at most 1e+12"
+SIGNED = "a number from 1e-12 to 1e+12 on either side of 0"
+SIZE = "[width, height], each a finite number at least 1e-12 and at most 1e+12"
 POINT = "[x, y, z], three finite numbers within 1e+12"
 INDEX = "a finite number at least 1 and at most 10"
 CHOICES = "one of mirror, refractor, lens, absorber, detector"

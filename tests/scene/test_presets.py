@@ -91,7 +91,7 @@ def test_a_value_in_a_file_is_refused_under_the_file_s_name(tmp_path, monkeypatc
     text = preset_text("sphere")
     Path("my.toml").write_text(text.replace("diameter_mm = 1064.0", "diameter_mm = -3.0"), encoding="utf-8")
     assert refusal("my.toml") == (
-        "my.toml: mirror.diameter_mm = -3.0: must be a finite number above 0 and at most 1e+12"
+        "my.toml: mirror.diameter_mm = -3.0: must be a finite number at least 1e-12 and at most 1e+12"
     )
     Path("new\nline.toml").write_text(text.replace('"sphere"', "1"), encoding="utf-8")
     assert refusal("new\nline.toml").startswith(r"new\nline.toml: name = 1: must be 1 to 64 characters")

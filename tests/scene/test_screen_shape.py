@@ -91,7 +91,7 @@ def test_only_whole_lines_count(pixels, lines, count):
         ("shape", {**FOUR, "interpolation": "cubic"}, "interpolation", "'cubic'", "be smooth or linear"),
         ("shape", {"radius_mm": 5.0}, "radius_mm", "", "unknown key"),
         ("cover_glass", {}, "thickness_mm", "", "missing"),
-        ("cover_glass", {"thickness_mm": 0.0}, "thickness_mm", "0.0", "above 0"),
+        ("cover_glass", {"thickness_mm": 0.0}, "thickness_mm", "0.0", "at least 1e-12"),
         ("cover_glass", {"thickness_mm": 1.0, "index": 0.9}, "index", "0.9", "at least 1"),
         ("cover_glass", {"thickness_mm": 1.0, "index": 3.5}, "index", "3.5", "at most 3"),
         ("cover_glass", {"thickness_mm": 1.0, "indx": 1.5}, "indx", "", "index"),

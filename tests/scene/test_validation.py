@@ -16,8 +16,8 @@ from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
 
-LENGTH = "a finite number above 0 and at most 1e+12"
-RADIUS = "a number other than 0 within 1e+12, below 0 for a convex mirror, or inf for a flat one"
+LENGTH = "a finite number at least 1e-12 and at most 1e+12"
+RADIUS = "a number from 1e-12 to 1e+12 on either side of 0, below 0 for a convex mirror, or inf for a flat one"
 POINT = "[x, y, z], three finite numbers within 1e+12"
 GRID = "[columns, rows], two integers from 1 to 16384"
 NAME = "1 to 64 characters of A-Z a-z 0-9 . _ - without a leading dot"
@@ -59,7 +59,7 @@ NOLL = "a noll index from 1 to 861, of radial order at most 40"
         ("screen.position_mm", [0.0, 9.0], "[0.0, 9.0]", POINT),
         ("screen.position_mm", [0, 1, "2"], "[0, 1, '2']", POINT),
         ("screen.centre_offset_mm", [math.nan, 0], "[nan, 0]", "[x, y], two finite numbers within 1e+12"),
-        ("screen.radiance", 0.0, "0.0", LENGTH),
+        ("screen.radiance", 0.0, "0.0", "a finite number above 0 and at most 1e+12"),
         ("screen.emission", "cosine", "'cosine'", "'lambertian'"),
         ("name", ".hidden", "'.hidden'", NAME),
         ("name", "a/b", "'a/b'", NAME),

@@ -6,6 +6,7 @@ IRTSCOTS_FUZZ: how many scene files, and a tenth as many image files (default 10
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -80,6 +81,14 @@ def test_scene_files_that_once_failed(tmp_path, preset, old, new):
     text = next(text for text in seeds() if f'"{preset}"' in text)
     (tmp_path / "fuzz.toml").write_text(text.replace(old, new))
     assert old in text and follow(tmp_path / "fuzz.toml") == "unseen"
+
+
+@pytest.mark.parametrize("size", ["5e-324", "1e-300", "9.9e-13"])
+def test_lengths_whose_inverse_overflows_are_refused(tmp_path, size):
+    text = next(text for text in seeds() if '"sphere"' in text)
+    number, old = re.search(r"(pitch_mm = )[\d.]+", text).span(), text
+    (tmp_path / "fuzz.toml").write_text(old[: number[0]] + f"pitch_mm = {size}" + old[number[1] :])
+    assert follow(tmp_path / "fuzz.toml") == "refused"
 
 
 # A program of its own: a fault of the HDF5 library would end the tests. It prints what each file came to.
