@@ -21,7 +21,7 @@ from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.light_curves import Flag
-from irtscots_cl.measurement.line_positions import check_fits
+from irtscots_cl.measurement.line_positions import check_fits, with_all_lines
 from irtscots_cl.measurement.methods import BEST
 from irtscots_cl.measurement.one_scan import ScanEstimate
 from irtscots_cl.measurement.quality import ERROR, OK, Check, check_images
@@ -97,6 +97,7 @@ def _usable(
     stack: ImageStack, setup: ThinnedSetup, saturation: float = math.inf, use: BoolArray | None = None
 ) -> ImageStack:
     """The part of the images that is looked at, with the value at which they are saturated."""
+    stack = with_all_lines(stack, setup.scene)
     check_fits(stack, setup.chief_rays)
     if setup.step > 1:
         stack = stack.masked(setup.chief_rays.sees_mirror)

@@ -7,6 +7,7 @@ thousands of lines (positions in metres).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from irtscots_cl.scene.instrument import ORIENTATIONS, Camera
 from irtscots_cl.scene.model import Scene
 
 MAX_OFFSET = 0.5  # of the screen's pitch: from there on a line is another of the screen's lines
+# Of the screen's pitch, where lines are missing: more may be lines of another width, their centres between pixels.
+MAX_SUBSET_OFFSET = 0.25
 UNITS = {"metres": 1e3, "centimetres": 10.0, "inches": 25.4, "micrometres": 1e-3}
 
 
@@ -69,6 +72,28 @@ def _corrections(found: FloatArray, lines: FloatArray) -> Iterator[tuple[str, Fl
 def _words(positions: FloatArray) -> str:
     pitch = f", {np.diff(positions).mean():.6g} mm apart" if len(positions) > 1 else ""
     return f"{len(positions)} lines from {positions[0]:.6g} to {positions[-1]:.6g} mm{pitch}"
+
+
+def with_all_lines(stack: ImageStack, scene: Scene) -> ImageStack:
+    """The images with every line of the scene's screen: one that was not recorded has missing samples (NaN).
+
+    Scans whose positions are not some of the screen's lines stay as they are; check_fits refuses them.
+    """
+    return replace(stack, x=_with_all_lines(stack.x, scene), y=_with_all_lines(stack.y, scene))
+
+
+def _with_all_lines(scan: Scan, scene: Scene) -> Scan:
+    found, lines = scan.positions_mm, LineScan(scene).positions_mm(scan.axis)
+    if not 3 <= len(found) < len(lines) or scan.flux_w.shape[-1] != len(found):
+        return scan
+    at = np.abs(found[:, None] - lines).argmin(1)
+    if (np.diff(at) < 1).any() or np.abs(found - lines[at]).max() > MAX_SUBSET_OFFSET * LineScan(scene).spacing_mm(
+        scan.axis
+    ):
+        return scan
+    positions, flux = lines.copy(), np.full((*scan.flux_w.shape[:-1], len(lines)), np.nan)
+    positions[at], flux[..., at] = found, scan.flux_w
+    return replace(scan, positions_mm=positions, flux_w=flux)
 
 
 def check_fits(stack: ImageStack, chief: ChiefRays) -> None:

@@ -262,6 +262,7 @@ class OneScan:
             replicates.append(np.where(use, change, self._centroids(other)[0]))
         fitted, bound = covariances(windows, fits, self.noise, self.tilted)
         error = np.where(use, fitted, error)
+        place = np.where(np.isfinite(error), place, np.nan)  # too few samples are left for an error: for a place, too
         flux = np.where(use, fits.flux, flux)
         return ScanEstimate(
             scan=self.scan,

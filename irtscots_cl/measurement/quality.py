@@ -79,7 +79,13 @@ def _lines(estimate: ScanEstimate, setup: Setup) -> Check:
     off = estimate.scan.positions_mm - LineScan(setup.scene).positions_mm(axis)
     value = float(np.abs(off).max()) / pitch
     if value <= LINE_POSITION:
-        return Check(f"lines {axis}", OK, value, LINE_POSITION, 0.0, f"lines of the {axis} scan are the screen's")
+        absent, told = int(np.isnan(estimate.scan.flux_w).all((0, 1)).sum()), ""
+        if absent:
+            told = (
+                f"; {absent} of its {len(off)} were not recorded (if lines are wider than the screen's: [screen.lines])"
+            )
+        text = f"lines of the {axis} scan are the screen's{told}"
+        return Check(f"lines {axis}", OK, value, LINE_POSITION, 0.0, text)
     scale = 1 + float(np.ptp(off)) / max(float(np.ptp(estimate.scan.positions_mm)), 1e-300)
     text = (
         f"lines of the {axis} scan lie up to {value * pitch:.3g} mm from those of the scene's screen (pitch "
@@ -131,7 +137,8 @@ def _profile(estimate: ScanEstimate) -> Check:
         return Check(f"profile {axis}", OK, float(np.nan_to_num(value)), PROFILE, 1e-6, text)
     text = (
         f"light curves of the {axis} scan differ by {value:.1%} of their peak from the modelled profile: is the "
-        "camera's response linear (no gamma), the aperture's diameter right, the camera in focus?"
+        "camera's response linear (no gamma), the aperture's diameter right, the camera in focus, the lines as wide "
+        "as the scene says?"
     )
     return Check(f"profile {axis}", WARNING, value, PROFILE, 1e-6, text)
 

@@ -21,6 +21,7 @@ from irtscots_cl.maths.zernike.fit import smoothing_matrix
 from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_profiles import sampled_centroids
+from irtscots_cl.measurement.one_scan import ScanEstimate
 from irtscots_cl.measurement.reconstruction import Reconstruction, triangulated
 from irtscots_cl.measurement.scan_estimates import estimate_centroids
 from irtscots_cl.measurement.slopes import deconvolve_pixel
@@ -73,6 +74,11 @@ def zernike_fit(result: Reconstruction, order: int | None = None, pixels_per_ter
     return smoothing_matrix(basis, None if apart is None else apart.group_map[result.mask] - 1)
 
 
+def _with_errors_of(new: ScanEstimate, old: ScanEstimate) -> ScanEstimate:
+    """The new estimate, with the old errors of the curves for which it has none: these keep their old slopes."""
+    return dataclasses.replace(new, error_mm=np.where(np.isfinite(new.error_mm), new.error_mm, old.error_mm))
+
+
 def modelled(result: Reconstruction, fit: FloatArray) -> Scene:
     """The design with the measured deviation as Zernike terms. fit: see zernike_fit."""
     mirror, fit_um = result.nominal.mirror, fit @ result.deviation_mm[result.mask] * 1e3
@@ -91,7 +97,8 @@ def _round(result: Reconstruction, stack: ImageStack, fit: FloatArray) -> Recons
     residual = []
     estimates = None
     if result.estimates_of_scans:
-        estimates = estimate_centroids(stack, result.setup, result.light_curve, light)
+        new, old = estimate_centroids(stack, result.setup, result.light_curve, light), result.estimates_of_scans
+        estimates = (_with_errors_of(new[0], old[0]), _with_errors_of(new[1], old[1]))
     for k, (on_grid, mean, scan) in enumerate(zip(model, means, (stack.x, stack.y), strict=True)):
         on_grid.ravel()[pixels] = mean
         differ = np.full((1 + len(result.jackknife_slope_x), mask.size), np.nan)

@@ -14,6 +14,7 @@ from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.coefficients import check_kind, coefficients
 from irtscots_cl.measurement.error_bars import ErrorBars, error_bars
 from irtscots_cl.measurement.light_curves import Flag
+from irtscots_cl.measurement.line_positions import with_all_lines
 from irtscots_cl.measurement.methods import BEST, MEASURES, measure_by
 from irtscots_cl.measurement.one_scan import ScanEstimate
 from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check, check_images, worst
@@ -77,18 +78,23 @@ def _measured(
     stack: ImageStack, setup: Setup, threshold: float, how: str, strict: bool, use: BoolArray | None
 ) -> tuple[Reconstruction, ImageStack, ErrorBars | None, list[Check]]:
     """The surface, the images with their ceiling, error bars and checks."""
+    stack = with_all_lines(stack, setup.scene)
     whole = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
     stack = whole if use is None else whole.masked(use)
     estimates = estimate_centroids(stack, setup, BEST)
     interruption.check()
     checks = check_images(stack, setup, estimates)
     refuse_bad(checks, strict)
-    result = measure_by(how, stack, setup, threshold, estimates)
-    bars = error_bars(result)
-    if MEASURES[how].light_curve not in SIGNED:
-        best = measure_by(BEST, stack, setup, estimates=estimates)
-        checks.append(_against_best(result, best, how, threshold))
-        refuse_bad(checks, strict)
+    try:
+        result = measure_by(how, stack, setup, threshold, estimates)
+        bars = error_bars(result)
+        if MEASURES[how].light_curve not in SIGNED:
+            best = measure_by(BEST, stack, setup, estimates=estimates)
+            checks.append(_against_best(result, best, how, threshold))
+    except ValueError as error:
+        doubts = "".join(f"; {check.name}: {check.text}" for check in checks if check.level == WARNING)
+        raise ValueError(f"{error}{doubts}") from None
+    refuse_bad(checks, strict)
     return result, whole, bars, checks
 
 

@@ -10,7 +10,7 @@ from synthetic import small_scene
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.imaging.patterns import LineScan
-from irtscots_cl.measurement.line_positions import check_line_positions, line_position_problem
+from irtscots_cl.measurement.line_positions import check_line_positions, line_position_problem, with_all_lines
 from irtscots_cl.measurement.methods import measure_by
 
 SCENE = small_scene("sphere", 5)
@@ -71,3 +71,26 @@ def test_positions_in_metres_are_refused_before_measuring(measure):
     stack = ImageStack(scan(LINES / 1e3), scan(LINES / 1e3, "y"))
     with pytest.raises(ValueError, match="the positions seem to be in metres$"):
         measure_by(measure, stack, SCENE)
+
+
+# --- scans of some of the screen's lines ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("pick", [slice(None, None, 2), slice(4, 18), [0, 1, 3, 4, 5, 9, 10, 11, 15, 20]])
+def test_lines_that_were_not_recorded_become_missing_samples(pick):
+    number = np.arange(21)[pick]
+    some = Scan.from_images("x", LINES[number], np.broadcast_to(number[:, None, None], (len(number), 5, 5)))
+    whole = with_all_lines(ImageStack(some, scan(LINES, "y")), SCENE)
+    np.testing.assert_array_equal(whole.x.positions_mm, LINES)
+    expected = np.full(21, np.nan)
+    expected[number] = number
+    np.testing.assert_array_equal(whole.x.flux_w[0, 7], expected)
+    np.testing.assert_array_equal(whole.y.flux_w, scan(LINES, "y").flux_w)
+
+
+@pytest.mark.parametrize(
+    "found", [LINES[::2] + 0.1, LINES[:2], LINES[::2] * 2, np.repeat(LINES[:5], 2)[:9] + np.arange(9) * 1e-4]
+)
+def test_positions_that_are_no_lines_of_the_screen_stay(found):
+    some = scan(found)
+    assert with_all_lines(ImageStack(some, some), SCENE).x is some

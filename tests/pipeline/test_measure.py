@@ -59,6 +59,24 @@ def test_good_images_are_measured_with_their_errors(tmp_path):
     assert np.sqrt(np.mean(stated**2)) == pytest.approx(facts["height_standard_error_nm"])
 
 
+def test_a_scan_of_every_second_line_is_measured_and_says_so(tmp_path):
+    of = images()
+    every = dataclasses.replace(of, x=of.x[::2], y=of.y[::2], lines_x=of.lines_x[::2], lines_y=of.lines_y[::2])
+    facts = measure(every.stack(), NOMINAL, tmp_path)
+    assert failed(facts) == {}
+    assert 350 < facts["deviation_nm_rms"]["piston_tilt"] < 420
+    told = next(check["text"] for check in facts["checks"] if check["name"] == "lines x")
+    assert f"; {len(of.lines_x) // 2} of its {len(of.lines_x)} were not recorded" in told
+
+
+def test_lines_wider_than_the_scene_says_are_no_lines_that_were_left_out(tmp_path):
+    of = images()
+    wide = [a[:18].reshape(6, 3, *a.shape[1:]).sum(1) for a in (of.x, of.y)]
+    joined = dataclasses.replace(of, x=wide[0], y=wide[1], lines_x=of.lines_x[1:18:3], lines_y=of.lines_y[1:18:3])
+    with pytest.raises(RefusedImagesError, match="of the mirror's pixels have usable light curves"):
+        measure(joined.stack(), NOMINAL, tmp_path, strict=True)
+
+
 @pytest.mark.parametrize(
     ("fault", "name", "part"),
     [
