@@ -6,6 +6,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 MOST_MISSING = 1.0  # times as many as there are: more are no gaps but numbers with another meaning, as times of day
 _NUMBER = re.compile(r"[0-9]+")
@@ -55,7 +56,7 @@ def _counter_gaps(rows: list[tuple[int, ...]], varying: list[int]) -> list[tuple
     """Rows that are missing where one number alone counts the names; None where none does."""
     for k in varying if len(varying) == 1 else ():
         values = sorted(row[k] for row in rows)
-        steps = Counter(b - a for a, b in zip(values, values[1:], strict=False))
+        steps = Counter(b - a for a, b in pairwise(values))
         step, times = steps.most_common(1)[0]
         if 2 * times < len(values) - 1 or any(own % step for own in steps):
             return None

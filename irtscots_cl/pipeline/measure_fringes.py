@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from irtscots_cl.imaging.camera_files import CameraFiles
 from irtscots_cl.imaging.fringe_images import FringeImages, open_fringe_images
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.imaging.mask_files import read_mask
@@ -35,6 +37,7 @@ from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_pla
 from irtscots_cl.measurement.unwrapping import MARGIN
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, fringe_facts, write_fringes
+from irtscots_cl.pipeline.lab_camera import LabCamera, image_facts, lab_camera
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
 from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
@@ -53,25 +56,26 @@ def measure_fringes(
     manifest: Path | None = None,
     strict: bool = False,
     zernike: str = "circular",
-    saturation: float | None = None,
+    camera: CameraFiles | None = None,
     mask: Path | None = None,
 ) -> MeasuredFacts:
     """Measure a mirror from images of fringes. Writes result.h5, report.json, scene.toml and figures into the folder
     and returns the main facts, named as in report.json.
 
     paths, manifest: see open_fringe_images. scene: only its design is used. strict: refuse doubtful images, too.
-    zernike: kind of the terms that are fitted. saturation: of the camera's pixels. mask: file of the pixels that may be
-    used, lying as the images do. Raises RefusedImagesError if a check says that the images are wrong, ValueError if
-    they do not fit the scene or its manifest.
+    zernike: kind of the terms that are fitted. camera: what is known about the camera, in place of what the manifest
+    says. mask: file of the pixels that may be used, lying as the images do. Raises RefusedImagesError if a check says
+    that the images are wrong, ValueError if they do not fit the scene or its manifest.
     """
     check_kind(zernike)
     nominal = scene.nominal()
-    images = open_fringe_images(paths, nominal, manifest, saturation)
+    images = open_fringe_images(paths, nominal, manifest, camera)
     detector = nominal.camera.detector
     columns, rows = detector.pixels
     use = None if mask is None else stored(read_mask(mask, (rows, columns), detector.orientation), detector.orientation)
     try:
-        found, checks = fringe_surface(images, Setup(nominal), strict, use, saturation)
+        recorded = recorded_fringes(images)
+        found, checks = fringe_surface(recorded, Setup(nominal), strict, use)
         bars = error_bars(found.result)
         assert bars is not None and found.reason is not None
         facts = measured_facts(found.result, FRINGES, bars, checks, zernike)
@@ -82,28 +86,57 @@ def measure_fringes(
     told = fringe_facts(found)
     told["excluded"] = Exclusions(found.reason).counts(found.stored(found.result.on_mirror))
     facts["fringes"] = told
+    facts["images"] = image_facts(images.recorded, recorded.ceiling)
+    if recorded.lab is not None:
+        facts["camera"] = recorded.lab.facts
     screen = "from 0 at the screen's -x (-y) edge to 1 at its +x (+y) edge"
     write_fringes(folder, found, facts, bars, {"screen fractions": screen})
     return facts
 
 
+@dataclass(frozen=True)
+class RecordedFringes:
+    """images: calibrated where something is known about the camera (lab). ceiling: count at which the recorded samples
+    are saturated. checks: of the images by their values, and of the camera."""
+
+    images: FringeImages
+    ceiling: float
+    checks: list[Check]
+    lab: LabCamera | None = None
+
+    @property
+    def bad(self) -> BoolArray | None:
+        """Bad pixels [rows, columns] as stored."""
+        return None if self.lab is None else self.lab.bad
+
+
+def recorded_fringes(images: FringeImages) -> RecordedFringes:
+    """Images as they were recorded, surveyed and calibrated. The ceiling is the one that was told, else the least of
+    what the files say and what the images show. Raises ValueError."""
+    survey = survey_frames(images.recorded)
+    checks = check_frame_values(survey, images.name)
+    camera, exposures_s = images.camera, images.exposures_s
+    ceiling = min(images.recorded.saturation, survey.ceiling) if camera.saturation is None else camera.saturation
+    if not camera.changes_frames:
+        return RecordedFringes(images, ceiling, checks)
+    lab = lab_camera(images.recorded, camera, ceiling, exposures_s)
+    return RecordedFringes(replace(images, frames=lab.frames), ceiling, checks + lab.checks, lab)
+
+
 def fringe_surface(
-    images: FringeImages,
+    recorded: RecordedFringes,
     setup: Setup,
     strict: bool = False,
     use: BoolArray | None = None,
-    saturation: float | None = None,
 ) -> tuple[FringeResult, list[Check]]:
     """The surface, and the checks of its images.
 
-    use: pixels [rows, columns] of the images as stored that may be used; None: all. saturation: None for the least of
-    what the files say and what the images show. Raises RefusedImagesError, ValueError.
+    use: pixels [rows, columns] of the images as stored that may be used; None: all. Raises RefusedImagesError,
+    ValueError.
     """
-    survey = survey_frames(images.frames)
-    checks = check_frame_values(survey, images.name)
+    images, checks = recorded.images, list(recorded.checks)
     refuse_bad(checks, strict)
-    ceiling = min(images.frames.saturation, survey.ceiling) if saturation is None else saturation
-    stack = images.stack(ceiling)
+    stack = images.stack(recorded.ceiling)
     orientation = setup.scene.camera.detector.orientation
     on_mirror = setup.chief_rays.footprint.coverage >= COVERAGE
     lit = find_mask(stack, largest=False)
@@ -113,17 +146,16 @@ def fringe_surface(
     interruption.check()
     shown = frames_shown(stack, found, design)
     frames = images.manifest.frames
-    checks.append(
-        check_frames(shown, lambda k: images.name(images.of_stack(k)), lambda k: frames[images.of_stack(k)].text)
-    )
+    checks.append(check_frames(shown, images.name_of_stack, lambda k: frames[images.of_stack(k)].text))
     refuse_bad(checks, strict)
     checks += check_notes(found) + _prior_note(stack)
-    why = exclusions(found, lit, use)
-    checks.append(check_saturation(found, stored(on_mirror, orientation), ceiling))
+    why = exclusions(found, lit, use, recorded.bad)
+    clipping = on_mirror if recorded.bad is None else on_mirror & ~upright(recorded.bad, orientation)
+    checks.append(check_saturation(found, stored(clipping, orientation), recorded.ceiling))
     checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
     refuse_bad(checks, strict)
     found, phases = places_of_light(found, setup, images.manifest.levels)
-    why = exclusions(found, lit, use)
+    why = exclusions(found, lit, use, recorded.bad)
     used = upright(why.used, orientation)
     checks += check_light(found, phases, setup, used & on_mirror)
     checks.append(check_pixels(why.counts(stored(on_mirror, orientation))))

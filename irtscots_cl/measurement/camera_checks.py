@@ -1,0 +1,169 @@
+"""Whether a camera's calibration frames, exposures and bad pixels can be those of its images."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from irtscots_cl.imaging.lab_frames import FADES_FROM, LabFrames, MeanFrame
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
+from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check
+
+FEW_FRAMES = 8  # that are looked at
+BLOCKS = 8  # along each side of an image: means over them have little noise
+NEGATIVE = (0.02, 0.2)  # light below zero, over the brightest light: warning, error
+UNEQUAL = 0.02  # of the brightest light: how far dark or bias frames may lie apart
+BAD = 0.05  # share of the pixels
+CLIPPED = 0.01  # share of the flat frames' pixels
+RATIO = (0.03, 0.2)  # relative difference of the images' brightness from what their exposures say: warning, error
+LEAST_CONTRAST = 10.0  # counts, between bright and dark parts, that a ratio of exposures is found from
+
+
+def camera_checks(lab: LabFrames, name: Callable[[str, int], str]) -> list[Check]:
+    """All checks. name: of a calibration frame in messages, by the kind and its number."""
+    low, high = light_range(lab)
+    checks = [check_dark(low, high)] if lab.calibration.dark is not None or lab.calibration.bias is not None else []
+    checks += check_levels(lab.calibration.means, high, name)
+    checks += check_flat(lab.calibration.means.get("flat"))
+    if lab.calibration.bad is not None:
+        checks.append(check_bad(lab.calibration.bad, lab.calibration.dead))
+    return checks + check_exposures(lab)
+
+
+def some_frames(lab: LabFrames) -> list[int]:
+    """Numbers of a few frames, spread over all."""
+    return sorted({round(k) for k in np.linspace(0, len(lab) - 1, FEW_FRAMES)})
+
+
+def light_range(lab: LabFrames) -> tuple[float, float]:
+    """Of the mean of a few frames: the least mean light of a block of pixels, and the brightest parts' light."""
+    total, count = np.zeros(lab.shape), np.zeros(lab.shape)
+    for k in some_frames(lab):
+        values = lab[k]
+        known = np.isfinite(values)
+        total[known] += values[known]
+        count += known
+    light = np.full(lab.shape, np.nan)
+    np.divide(total, count, out=light, where=count > 0)
+    blocks = [
+        block
+        for band in np.array_split(light, min(BLOCKS, light.shape[0]))
+        for block in np.array_split(band, min(BLOCKS, light.shape[1]), axis=1)
+        if np.isfinite(block).sum() * 2 > block.size
+    ]
+    if not blocks:
+        return math.nan, math.nan
+    return min(float(np.nanmean(block)) for block in blocks), float(np.nanpercentile(light, 99))
+
+
+def check_dark(low: float, high: float) -> Check:
+    """Whether the images are brighter than the dark frames. low, high: see light_range."""
+    value = -low / max(high, 1e-9) if low < 0 else 0.0
+    if not value > NEGATIVE[0]:
+        return Check("dark", OK, value, NEGATIVE[0], 1e-6, "no part of the images is darker than the dark frames")
+    level = ERROR if value > NEGATIVE[1] else WARNING
+    text = (
+        f"parts of the images are {-low:.3g} counts darker than the dark or bias frames, the brightest {high:.3g} "
+        "counts above them: other exposure or gain, light on the dark frames, or the files are swapped"
+    )
+    return Check("dark", level, value, NEGATIVE[LEVEL_LIMIT[level]], 1e-6, text)
+
+
+LEVEL_LIMIT = {WARNING: 0, ERROR: 1}
+
+
+def check_levels(means: Mapping[str, MeanFrame], high: float, name: Callable[[str, int], str]) -> list[Check]:
+    """Whether the dark and bias frames are alike among themselves."""
+    checks = []
+    for kind in ("bias", "dark", "flat dark"):
+        if kind not in means or means[kind].count < 2:
+            continue
+        levels = np.asarray(means[kind].levels)
+        off = np.abs(levels - np.median(levels))
+        worst = int(np.argmax(off))
+        value = float(off[worst] / max(high, 1e-9))
+        if value > UNEQUAL:
+            text = (
+                f"{name(kind, worst)} has {levels[worst]:.4g} counts in the mean, the {kind} frames' median "
+                f"{np.median(levels):.4g}: light, or another exposure"
+            )
+            checks.append(Check(f"{kind} frames", WARNING, value, UNEQUAL, 1e-6, text))
+    return checks
+
+
+def check_flat(flat: MeanFrame | None) -> list[Check]:
+    """Whether the flat frames are saturated in parts."""
+    if flat is None:
+        return []
+    share = float(flat.saturated.mean())
+    if share <= CLIPPED:
+        return [Check("flat", OK, share, CLIPPED, 1e-6, f"{share:.1%} of the flat frames' pixels are saturated")]
+    text = f"{share:.1%} of the flat frames' pixels are saturated: taken as bad; expose the flat frames less"
+    return [Check("flat", WARNING, share, CLIPPED, 1e-6, text)]
+
+
+def check_bad(bad: BoolArray, dead: BoolArray | None) -> Check:
+    """Whether few pixels are bad. dead: those of them that only the flat frames show."""
+    share, count = float(bad.mean()), int(bad.sum())
+    by_flat = 0 if dead is None else int(dead.sum())
+    text = f"{count} bad pixels ({share:.2%})" + (f", {by_flat} of them by the flat frames" if by_flat else "")
+    if share <= BAD:
+        return Check("bad pixels", OK, share, BAD, 1e-6, text)
+    return Check("bad pixels", WARNING, share, BAD, 1e-6, f"{text}: a camera has few; is the map the right one?")
+
+
+def check_exposures(lab: LabFrames) -> list[Check]:
+    """Whether images of several exposures are as bright as these say."""
+    checks = []
+    times = [time for time in lab.exposures_s if time is not None]
+    for time in sorted(set(times) - {min(times, default=0.0)}):
+        told = time / min(times)
+        ratio = _brightness_ratio(lab, min(times), time)
+        what = f"images of {time:g} s are {ratio:.4g} times as bright as those of {min(times):g} s"
+        if not math.isfinite(ratio):
+            text = f"images of {time:g} s and {min(times):g} s share too little contrast to compare them"
+            checks.append(Check("exposures", WARNING, math.nan, RATIO[0], 0.0, text))
+            continue
+        off = abs(ratio / told - 1)
+        if off <= RATIO[0]:
+            checks.append(Check("exposures", OK, off, RATIO[0], 1e-6, f"{what}, the times say {told:.4g}"))
+            continue
+        level = ERROR if off > RATIO[1] else WARNING
+        text = (
+            f"{what}, the times say {told:.4g}: exposures_s in another order, another order of the images "
+            '("together", "in turn"), a shutter\'s delay, or a camera that is not linear'
+        )
+        checks.append(Check("exposures", level, off, RATIO[LEVEL_LIMIT[level]], 1e-6, text))
+    return checks
+
+
+def _brightness_ratio(lab: LabFrames, short: float, long: float) -> float:
+    """Brightness at one exposure over that at another: from the difference of bright and dark samples, so that no
+    offset counts. NaN where they have too little contrast."""
+    sums = np.zeros((2, 3))  # dark, bright samples; number, counts at the short and at the long exposure
+    for number in some_frames(lab):
+        recorded = dict(zip(lab.recorded(number), lab.exposures_s, strict=True))
+        images = [
+            np.mean([np.asarray(lab.frames[k], float) for k, own in recorded.items() if own == time], axis=0)
+            for time in (short, long)
+        ]
+        use = np.isfinite(images[0] + images[1]) & (images[1] < FADES_FROM * lab.saturation)
+        use &= images[0] < FADES_FROM * lab.saturation
+        if lab.calibration.bad is not None:
+            use &= ~lab.calibration.bad
+        if use.any():
+            sums += _halves(images[0][use], images[1][use])
+    if (sums[:, 0] == 0).any():
+        return math.nan
+    means = sums[:, 1:] / sums[:, :1]
+    contrast = means[1] - means[0]
+    return float(contrast[1] / contrast[0]) if contrast[0] > 0 and contrast[1] > LEAST_CONTRAST else math.nan
+
+
+def _halves(short: FloatArray, long: FloatArray) -> FloatArray:
+    """Number and sums of both, [dark, bright] by the long exposure."""
+    middle = float(np.mean(np.percentile(long, [2, 98])))
+    bright = long > middle
+    return np.array([[part.sum(), short[part].sum(), long[part].sum()] for part in (~bright, bright)], float)
