@@ -46,10 +46,8 @@ def check_equal(frames: FrameSource, series: Sequence[Sequence[int]], name: str)
     for numbers in series:
         for number in numbers[1:]:
             if not _alike(known[numbers[0]], known[number]):
-                first = f"{frames.name(numbers[0])} {known[numbers[0]]} s"
-                raise ValueError(
-                    f"{frames.name(number)}: {known[number]} s exposure, {first}, by the files: must be equal within {name}"
-                )
+                one, other = (f"{frames.name(k)}: {known[k]} s" for k in (number, numbers[0]))
+                raise ValueError(f"{one} exposure, {other}, by the files: must be equal in {name}")
 
 
 def common_exposure(frames: FrameSource | None) -> float | None:

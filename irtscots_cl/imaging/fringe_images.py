@@ -16,8 +16,9 @@ from irtscots_cl.imaging.frame_count import check_count
 from irtscots_cl.imaging.fringe_manifest import DARK, NAME, WHITE, FringeManifest, image_paths, read_manifest
 from irtscots_cl.imaging.fringes import FringeStack
 from irtscots_cl.imaging.lab_frames import LabFrames, mean_frame
-from irtscots_cl.imaging.orientation import stored_shape
+from irtscots_cl.imaging.orientation import TRANSPOSED, stored_shape
 from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.scene.instrument import ORIENTATIONS
 from irtscots_cl.scene.model import Scene
 
 SUFFIX = ".toml"
@@ -47,12 +48,13 @@ class FringeImages:
         return FringeStack(
             self.manifest.sets,
             self.frames.part(self.manifest.order),
-            self._mean(DARK),
-            self._mean(WHITE),
+            self.mean(DARK),
+            self.mean(WHITE),
             saturation,
         )
 
-    def _mean(self, shows: str) -> FloatArray | None:
+    def mean(self, shows: str) -> FloatArray | None:
+        """The mean [rows, columns] of the frames that show this, as stored; None without any."""
         numbers = self.manifest.numbers(shows)
         if not numbers:
             return None
@@ -75,17 +77,14 @@ class FringeImages:
         return found
 
     def name(self, number: int) -> str:
+        """An image in messages, by the number of its frame in the manifest: the first recorded one that makes it."""
+        first = self.frames.recorded(number)[0] if isinstance(self.frames, LabFrames) else number
+        return self.recorded_name(first)
+
+    def recorded_name(self, number: int) -> str:
         """A recorded image in messages: its number from 1 and its file."""
         file, page = self.recorded.place(number)
         return f"image {number + 1} ({file.path.name}{f' frame {page + 1}' if file.count > 1 else ''})"
-
-    def name_of_stack(self, number: int) -> str:
-        """An image of the stack, by the first recorded one that makes it."""
-        return self.name(self.first_recorded(self.of_stack(number)))
-
-    def first_recorded(self, number: int) -> int:
-        """Number of the first recorded image of a frame of the manifest."""
-        return self.frames.recorded(number)[0] if isinstance(self.frames, LabFrames) else number
 
     def of_stack(self, number: int) -> int:
         """Number in the manifest of an image of the stack."""
@@ -118,9 +117,17 @@ def open_fringe_images(
         raise ValueError(
             f"{where}: images of {frames.shape[1]} x {frames.shape[0]} pixels; scene {scene.name}: "
             f"camera.detector.pixels = {[columns, rows]}, stored as orientation = {detector.orientation!r} says, are "
-            f"{shape[1]} x {shape[0]} (columns x rows)"
+            f"{shape[1]} x {shape[0]} (columns x rows){_exchanged(frames.shape, shape, detector.orientation)}"
         )
     return FringeImages(found, frames, camera, frames)
+
+
+def _exchanged(found: tuple[int, int], wanted: tuple[int, int], orientation: str) -> str:
+    """The remedy for images whose rows are the other's columns, as the end of a message."""
+    if found != wanted[::-1] or found == wanted:
+        return ""
+    words = [word for word in ORIENTATIONS if (word in TRANSPOSED) != (orientation in TRANSPOSED)]
+    return f": rows and columns are exchanged, the orientation is one of {', '.join(words)}"
 
 
 def own_manifest(paths: list[Path]) -> tuple[Path, list[Path]]:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from irtscots_cl.formats.images import FrameSource
 from irtscots_cl.imaging.camera_files import SERIES, CameraFiles
 from irtscots_cl.imaging.exposures import common_exposure
+from irtscots_cl.imaging.fringe_images import FringeImages
 from irtscots_cl.imaging.lab_frames import CameraCalibration, Frames, LabFrames, MeanFrame, camera_calibration
 from irtscots_cl.maths.arrays import BoolArray
 from irtscots_cl.measurement.camera_checks import camera_checks
 from irtscots_cl.measurement.frame_survey import survey_frames
+from irtscots_cl.measurement.fringe_quality import check_frame_values
 from irtscots_cl.measurement.quality import Check
 from irtscots_cl.report.image_types import CameraFacts, ImageFileFacts
 
@@ -132,3 +134,32 @@ def image_facts(frames: FrameSource, saturation: float) -> ImageFileFacts:
         "saturation": saturation if math.isfinite(saturation) else None,
         "notes": list(frames.notes),
     }
+
+
+@dataclass(frozen=True)
+class RecordedImages:
+    """images: calibrated where something is known about the camera (lab). ceiling: count at which the recorded samples
+    are saturated. checks: of the images by their values, and of the camera."""
+
+    images: FringeImages
+    ceiling: float
+    checks: list[Check]
+    lab: LabCamera | None = None
+
+    @property
+    def bad(self) -> BoolArray | None:
+        """Bad pixels [rows, columns] as stored."""
+        return None if self.lab is None else self.lab.bad
+
+
+def recorded_images(images: FringeImages) -> RecordedImages:
+    """Images as they were recorded, surveyed and calibrated. The ceiling is the one that was told, else the least of
+    what the files say and what the images show. Raises ValueError."""
+    survey = survey_frames(images.recorded)
+    checks = check_frame_values(survey, images.recorded_name)
+    camera, exposures_s = images.camera, images.exposures_s
+    ceiling = min(images.recorded.saturation, survey.ceiling) if camera.saturation is None else camera.saturation
+    if not camera.changes_frames:
+        return RecordedImages(images, ceiling, checks)
+    lab = lab_camera(images.recorded, camera, ceiling, exposures_s)
+    return RecordedImages(replace(images, frames=lab.frames), ceiling, checks + lab.checks, lab)

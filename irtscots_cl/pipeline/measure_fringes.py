@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from irtscots_cl.imaging.camera_files import CameraFiles
-from irtscots_cl.imaging.fringe_images import FringeImages, open_fringe_images
+from irtscots_cl.imaging.fringe_images import open_fringe_images
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.imaging.mask_files import read_mask
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
-from irtscots_cl.measurement.frame_survey import survey_frames
 from irtscots_cl.measurement.fringe_frames import frames_shown
 from irtscots_cl.measurement.fringe_light import place_mm, places_of_light
 from irtscots_cl.measurement.fringe_quality import (
     Exclusions,
-    check_frame_values,
     check_frames,
     check_geometry,
     check_light,
@@ -37,7 +34,7 @@ from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_pla
 from irtscots_cl.measurement.unwrapping import MARGIN
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, fringe_facts, write_fringes
-from irtscots_cl.pipeline.lab_camera import LabCamera, image_facts, lab_camera
+from irtscots_cl.pipeline.lab_camera import RecordedImages, image_facts, recorded_images
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
 from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
@@ -74,7 +71,7 @@ def measure_fringes(
     columns, rows = detector.pixels
     use = None if mask is None else stored(read_mask(mask, (rows, columns), detector.orientation), detector.orientation)
     try:
-        recorded = recorded_fringes(images)
+        recorded = recorded_images(images)
         found, checks = fringe_surface(recorded, Setup(nominal), strict, use)
         bars = error_bars(found.result)
         assert bars is not None and found.reason is not None
@@ -94,37 +91,8 @@ def measure_fringes(
     return facts
 
 
-@dataclass(frozen=True)
-class RecordedFringes:
-    """images: calibrated where something is known about the camera (lab). ceiling: count at which the recorded samples
-    are saturated. checks: of the images by their values, and of the camera."""
-
-    images: FringeImages
-    ceiling: float
-    checks: list[Check]
-    lab: LabCamera | None = None
-
-    @property
-    def bad(self) -> BoolArray | None:
-        """Bad pixels [rows, columns] as stored."""
-        return None if self.lab is None else self.lab.bad
-
-
-def recorded_fringes(images: FringeImages) -> RecordedFringes:
-    """Images as they were recorded, surveyed and calibrated. The ceiling is the one that was told, else the least of
-    what the files say and what the images show. Raises ValueError."""
-    survey = survey_frames(images.recorded)
-    checks = check_frame_values(survey, images.name)
-    camera, exposures_s = images.camera, images.exposures_s
-    ceiling = min(images.recorded.saturation, survey.ceiling) if camera.saturation is None else camera.saturation
-    if not camera.changes_frames:
-        return RecordedFringes(images, ceiling, checks)
-    lab = lab_camera(images.recorded, camera, ceiling, exposures_s)
-    return RecordedFringes(replace(images, frames=lab.frames), ceiling, checks + lab.checks, lab)
-
-
 def fringe_surface(
-    recorded: RecordedFringes,
+    recorded: RecordedImages,
     setup: Setup,
     strict: bool = False,
     use: BoolArray | None = None,
@@ -146,7 +114,9 @@ def fringe_surface(
     interruption.check()
     shown = frames_shown(stack, found, design)
     frames = images.manifest.frames
-    checks.append(check_frames(shown, images.name_of_stack, lambda k: frames[images.of_stack(k)].text))
+    checks.append(
+        check_frames(shown, lambda k: images.name(images.of_stack(k)), lambda k: frames[images.of_stack(k)].text)
+    )
     refuse_bad(checks, strict)
     checks += check_notes(found) + _prior_note(stack)
     why = exclusions(found, lit, use, recorded.bad)

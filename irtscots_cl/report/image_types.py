@@ -18,8 +18,8 @@ class ImageFileFacts(TypedDict):
 
 class CameraFacts(TypedDict):
     """What was known about the camera. exposures_s: of the images of a frame, empty where not known. averaged: number
-    of frames by their kind; counts, standard_error: medians over the pixels of their mean and of its standard error (null
-    for a single frame). bad_pixels: by the map, and dead or saturated in the flat frames."""
+    of frames by their kind; counts, standard_error: medians over the pixels of their mean and of its standard error,
+    NaN for a single frame. bad_pixels: by the map, and dead or saturated in the flat frames."""
 
     images_per_frame: int
     exposures_s: list[float]
