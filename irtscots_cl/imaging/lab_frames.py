@@ -248,9 +248,12 @@ class LabFrames(Sequence[NDArray[Any]]):
 
     def name(self, number: int) -> str:
         """What to call a frame in messages: the first of the recorded ones that make it."""
-        first = self.recorded(number)[0]
+        return self.recorded_name(self.recorded(number)[0])
+
+    def recorded_name(self, number: int) -> str:
+        """What to call a recorded frame in messages."""
         name = getattr(self.frames, "name", None)
-        return f"frame {first + 1}" if name is None else str(name(first))
+        return f"frame {number + 1}" if name is None else str(name(number))
 
     def part(self, numbers: Iterable[int]) -> FramePart:
         """Some of the frames, in the order asked for."""

@@ -12,11 +12,12 @@ from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check
 
 FEW_FRAMES = 8  # that are looked at
-BLOCKS = 8  # along each side of an image: means over them have little noise
+BLOCKS, BLOCK_PIXELS = 8, 8  # along each side: most blocks of an image, least pixels of one; means have little noise
 NEGATIVE = (0.02, 0.2)  # light below zero, over the brightest light: warning, error
 UNEQUAL = 0.02  # of the brightest light: how far dark or bias frames may lie apart
 BAD = 0.05  # share of the pixels
 CLIPPED = 0.01  # share of the flat frames' pixels
+CHANGED = (0.05, 0.2)  # of the brightest light: difference between images of one frame: warning, error
 RATIO = (0.03, 0.2)  # relative difference of the images' brightness from what their exposures say: warning, error
 LEAST_CONTRAST = 10.0  # counts, between bright and dark parts, that a ratio of exposures is found from
 
@@ -29,7 +30,7 @@ def camera_checks(lab: LabFrames, name: Callable[[str, int], str]) -> list[Check
     checks += check_flat(lab.calibration.means.get("flat"))
     if lab.calibration.bad is not None:
         checks.append(check_bad(lab.calibration.bad, lab.calibration.dead))
-    return checks + check_exposures(lab)
+    return checks + check_repeats(lab, high) + check_exposures(lab)
 
 
 def some_frames(lab: LabFrames) -> list[int]:
@@ -47,15 +48,17 @@ def light_range(lab: LabFrames) -> tuple[float, float]:
         count += known
     light = np.full(lab.shape, np.nan)
     np.divide(total, count, out=light, where=count > 0)
-    blocks = [
-        block
-        for band in np.array_split(light, min(BLOCKS, light.shape[0]))
-        for block in np.array_split(band, min(BLOCKS, light.shape[1]), axis=1)
-        if np.isfinite(block).sum() * 2 > block.size
-    ]
-    if not blocks:
+    means = block_means(light)
+    if not np.isfinite(means).any():
         return math.nan, math.nan
-    return min(float(np.nanmean(block)) for block in blocks), float(np.nanpercentile(light, 99))
+    return float(np.nanmin(means)), float(np.nanpercentile(light, 99))
+
+
+def block_means(image: FloatArray) -> FloatArray:
+    """Means [blocks] of an image's blocks; NaN for those of which half is unknown."""
+    rows, columns = (min(BLOCKS, max(1, n // BLOCK_PIXELS)) for n in image.shape)
+    blocks = [b for band in np.array_split(image, rows) for b in np.array_split(band, columns, axis=1)]
+    return np.array([np.nanmean(b) if np.isfinite(b).sum() * 2 > b.size else math.nan for b in blocks])
 
 
 def check_dark(low: float, high: float) -> Check:
@@ -112,6 +115,31 @@ def check_bad(bad: BoolArray, dead: BoolArray | None) -> Check:
     if share <= BAD:
         return Check("bad pixels", OK, share, BAD, 1e-6, text)
     return Check("bad pixels", WARNING, share, BAD, 1e-6, f"{text}: a camera has few; is the map the right one?")
+
+
+def check_repeats(lab: LabFrames, high: float) -> list[Check]:
+    """Whether images of equal exposure that make one frame are alike. high: see light_range."""
+    worst, names = 0.0, ("", "")
+    for number in some_frames(lab):
+        recorded = dict(zip(lab.recorded(number), lab.exposures_s, strict=True))
+        for time in set(recorded.values()):
+            first, *others = (k for k, own in recorded.items() if own == time)
+            expected = block_means(np.asarray(lab.frames[first], float)) if others else np.zeros(0)
+            for other in others:
+                off = float(np.nanmax(np.abs(block_means(np.asarray(lab.frames[other], float)) - expected)))
+                if off > worst:
+                    worst, names = off, (lab.recorded_name(other), lab.recorded_name(first))
+    value = worst / max(high, 1e-9)
+    if len(lab.exposures_s) == len(set(lab.exposures_s)):
+        return []
+    if value <= CHANGED[0]:
+        return [Check("repeats", OK, value, CHANGED[0], 1e-6, "the images of a frame are alike")]
+    text = (
+        f"{names[0]} and {names[1]}, of the same frame, differ by {worst:.3g} counts of {high:.3g} at most: "
+        'another order ("together", "in turn"), other frames than the manifest\'s, or light that changed'
+    )
+    level = ERROR if value > CHANGED[1] else WARNING
+    return [Check("repeats", level, value, CHANGED[LEVEL_LIMIT[level]], 1e-6, text)]
 
 
 def check_exposures(lab: LabFrames) -> list[Check]:

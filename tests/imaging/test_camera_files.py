@@ -17,8 +17,9 @@ def test_a_table_is_read_with_its_names_in_the_manifest_s_folder(tmp_path):
         (tmp_path / name).write_bytes(b"x")
     (tmp_path / "flat").mkdir()
     table = {
-        "dark": "d_*.tif", "flat": ["flat"], "bad_pixels": "bad.png", "exposures_s": [0.5, 2], "repeat_order": "in turn",
-        "dark_exposure_s": 2, "saturation": 4095, "fits_rows": "top-down", "ser_byte_order": "big", "array": "a",
+        "dark": "d_*.tif", "flat": ["flat"], "bad_pixels": "bad.png", "exposures_s": [0.5, 2],
+        "repeat_order": "in turn", "dark_exposure_s": 2, "saturation": 4095,
+        "fits_rows": "top-down", "ser_byte_order": "big", "array": "a",
     }  # fmt: skip
     found = camera_files(table, tmp_path)
     assert found == CameraFiles(

@@ -54,5 +54,5 @@ def test_what_files_do_not_say_is_not_known(tmp_path):
 def test_a_series_must_have_one_exposure(tmp_path):
     frames = series(tmp_path, [1, 1, 2, 2])
     check_equal(frames, [(0, 1), (2, 3)], "a series")
-    with pytest.raises(ValueError, match=r"a2.fits: 2.0 s exposure, .*a0.fits: 1.0 s, by the files: must be equal in a"):
+    with pytest.raises(ValueError, match=r"a2.fits: 2.0 s exposure, .*a0.fits: 1.0 s, by the files: must be equal"):
         check_equal(frames, [(0, 1, 2)], "a series")
