@@ -191,7 +191,8 @@ def _line_scans(options: argparse.Namespace) -> int:
     with made_folder(folder):
         facts = measure(
             images, scene.nominal(), folder, options.threshold, how, strict=options.strict,
-            source=str(options.images), zernike=options.zernike, use=use
+            source=str(options.images), zernike=options.zernike, use=use,
+            camera=camera_of(options),
         )  # fmt: skip
     return _tell(options, facts, folder)
 

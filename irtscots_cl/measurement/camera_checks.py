@@ -12,7 +12,8 @@ from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check
 
 FEW_FRAMES = 8  # that are looked at
-BLOCKS, BLOCK_PIXELS = 8, 8  # along each side: most blocks of an image, least pixels of one; means have little noise
+BLOCKS = 8  # along each side of an image: means over them have little noise
+SURE = 4.0  # standard errors of a block's mean
 NEGATIVE = (0.02, 0.2)  # light below zero, over the brightest light: warning, error
 UNEQUAL = 0.02  # of the brightest light: how far dark or bias frames may lie apart
 BAD = 0.05  # share of the pixels
@@ -39,7 +40,8 @@ def some_frames(lab: LabFrames) -> list[int]:
 
 
 def light_range(lab: LabFrames) -> tuple[float, float]:
-    """Of the mean of a few frames: the least mean light of a block of pixels, and the brightest parts' light."""
+    """Of the mean of a few frames: the least mean light of a block of pixels, with the most that noise may take off it,
+    and the brightest parts' light."""
     total, count = np.zeros(lab.shape), np.zeros(lab.shape)
     for k in some_frames(lab):
         values = lab[k]
@@ -51,12 +53,15 @@ def light_range(lab: LabFrames) -> tuple[float, float]:
     means = block_means(light)
     if not np.isfinite(means).any():
         return math.nan, math.nan
-    return float(np.nanmin(means)), float(np.nanpercentile(light, 99))
+    steps = np.abs(np.diff(light, axis=1))
+    noise = float(np.nanmedian(steps)) / 0.954 if np.isfinite(steps).any() else 0.0  # of a normal difference
+    error = noise / math.sqrt(max(1.0, light.size / len(means)))
+    return float(np.nanmin(means)) + SURE * error, float(np.nanpercentile(light, 99))
 
 
 def block_means(image: FloatArray) -> FloatArray:
     """Means [blocks] of an image's blocks; NaN for those of which half is unknown."""
-    rows, columns = (min(BLOCKS, max(1, n // BLOCK_PIXELS)) for n in image.shape)
+    rows, columns = (min(BLOCKS, n) for n in image.shape)
     blocks = [b for band in np.array_split(image, rows) for b in np.array_split(band, columns, axis=1)]
     return np.array([np.nanmean(b) if np.isfinite(b).sum() * 2 > b.size else math.nan for b in blocks])
 
