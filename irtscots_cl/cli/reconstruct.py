@@ -199,6 +199,7 @@ def _line_scans(options: argparse.Namespace) -> int:
 
 def _tell(options: argparse.Namespace, facts: MeasuredFacts, folder: Path) -> int:
     from irtscots_cl.report.fringe_tables import fringe_tables
+    from irtscots_cl.report.image_tables import image_tables
     from irtscots_cl.report.tables import cautions, measured_tables
     from irtscots_cl.system.atomic_files import plain
 
@@ -208,6 +209,6 @@ def _tell(options: argparse.Namespace, facts: MeasuredFacts, folder: Path) -> in
     if options.json:
         print_json(plain(facts))
     else:
-        print_tables(measured_tables(facts) + fringe_tables(facts))
+        print_tables(measured_tables(facts) + fringe_tables(facts) + image_tables(facts))
         print(f"results in {folder}")
     return 0

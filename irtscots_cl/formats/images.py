@@ -36,8 +36,9 @@ _KINDS = {
     "HDF5": ((), (b"\x89HDF\r\n\x1a\n",)),  # by no ending: a folder's results are no images
 }
 # Known, and no measurement or not read here: what to do instead.
+JPEG = b"\xff\xd8\xff"
 _REFUSED = {
-    b"\xff\xd8\xff": "a JPEG: its counts are changed by the compression; record TIFF, PNG, FITS or SER",
+    JPEG: "a JPEG: its counts are changed by the compression; record TIFF, PNG, FITS or SER",
     b"BM": "a BMP; convert to TIFF or PNG",
     b"\x1f\x8b": "packed by gzip; unpack it first",
 }
@@ -228,6 +229,8 @@ def _inside(folder: Path) -> tuple[list[Path], list[str]]:
         kinds = ", ".join(sorted(SUFFIXES))
         inner = [e.name for e in natural_order(entries) if e.is_dir() and not is_hidden(e)]
         hint = f"; it has the folders {_some(inner)}: name them, in the frames' order" if inner else ""
+        if any(e.suffix.lower() in (".jpg", ".jpeg") for e in entries):
+            hint += f"; JPEG: {_REFUSED[JPEG].removeprefix('a JPEG: ')}"
         raise ValueError(f"{folder}: no images among its {len(entries)} entries; must be files named {kinds}{hint}")
     kinds_there = sorted({_kind_of_name(e) for e in images})
     if len(kinds_there) > 1:

@@ -14,6 +14,7 @@ from irtscots_cl.imaging.mask_files import read_mask
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.coefficients import check_kind
+from irtscots_cl.measurement.colour_mosaic import check_mosaic
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.fringe_frames import frames_shown
 from irtscots_cl.measurement.fringe_light import place_mm, places_of_light
@@ -105,6 +106,8 @@ def fringe_surface(
     images, checks = recorded.images, list(recorded.checks)
     refuse_bad(checks, strict)
     stack = images.stack(recorded.ceiling)
+    if stack.white is not None:
+        checks.append(check_mosaic(stack.white - (0.0 if stack.dark is None else stack.dark)))
     orientation = setup.scene.camera.detector.orientation
     on_mirror = setup.chief_rays.footprint.coverage >= COVERAGE
     lit = find_mask(stack, largest=False)
