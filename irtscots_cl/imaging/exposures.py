@@ -20,8 +20,14 @@ def exposures_of(frames: FrameSource, camera: CameraFiles) -> tuple[float | None
     repeats, known = camera.images_of_frame, frames.exposures_s
     times: list[float | None] = list(camera.exposures_s) or [None] * repeats
     if repeats == 1 and not camera.exposures_s:
-        common = known[0]
-        return (common if common is not None and all(_alike(common, own) for own in known) else None,)
+        common = common_exposure(frames)
+        other = next((k for k, own in enumerate(known) if None not in (own, known[0]) and not _alike(known[0], own)), 0)
+        if other and camera.dark:
+            raise ValueError(
+                f"{frames.name(other)}: {known[other]:g} s by the file, {frames.name(0)} {known[0]:g} s: must be equal "
+                "where dark frames are taken off"
+            )
+        return (common,)
     count = len(frames) // repeats
     for number, own in enumerate(known):
         place = number % repeats if camera.repeat_order == "together" else number // count

@@ -51,6 +51,13 @@ def test_what_files_do_not_say_is_not_known(tmp_path):
     assert exposures_of(frames, CameraFiles(exposures_s=(1.0, 4.0))) == (1.0, 4.0)
 
 
+def test_images_of_several_exposures_have_no_common_dark_frame(tmp_path):
+    frames = series(tmp_path, [1, 1, 2, 2])
+    assert exposures_of(frames, CameraFiles()) == (None,)
+    with pytest.raises(ValueError, match=r"a2.fits: 2 s by the file, .*a0.fits 1 s: must be equal where dark frames"):
+        exposures_of(frames, CameraFiles(dark=(tmp_path,)))
+
+
 def test_a_series_must_have_one_exposure(tmp_path):
     frames = series(tmp_path, [1, 1, 2, 2])
     check_equal(frames, [(0, 1), (2, 3)], "a series")

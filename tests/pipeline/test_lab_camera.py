@@ -222,6 +222,16 @@ def test_exposures_are_merged_without_what_is_saturated(light, scene, camera, tm
     assert "unequal exposures need dark frames of a known exposure (dark_exposure_s), or bias frames" in text
 
 
+def test_a_colour_mosaic_is_named_unless_flat_frames_take_it_out(light, scene, camera, tmp_path):
+    camera.stuck = []
+    camera.response = camera.response * np.tile([[0.5, 1.0], [1.0, 0.7]], (13, 13))[:25, :25]
+    series = {"dark": camera.even(0, 16), "flat": camera.even(2500, 16)}
+    folder = lab_folder(tmp_path, light, scene, camera.record(light.frames), **series)
+    (warning,) = measured(folder).warnings
+    assert warning.startswith("mosaic: the pixels of every square of four have 0.6") and "Bayer" in warning
+    assert measured(folder, "--dark", folder / "dark", "--flat", folder / "flat").warnings == []
+
+
 def contradictions(camera, light):
     """Calibration frames that cannot be, and what is said of them."""
     dark, flat = camera.even(0, 4), camera.even(2500, 4)
