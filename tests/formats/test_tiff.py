@@ -200,6 +200,7 @@ def test_the_exposure_is_read_where_all_pages_say_one(tmp_path, where):
         from PIL.TiffImagePlugin import IFDRational
 
         exif = Image.Exif()
+        exif.get_ifd(34665)
         exif[34665] = {33434: IFDRational(1, 50)}
         Image.fromarray(ramp()[0]).save(path, exif=exif)
     else:

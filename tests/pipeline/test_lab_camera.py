@@ -222,6 +222,16 @@ def test_exposures_are_merged_without_what_is_saturated(light, scene, camera, tm
     assert "unequal exposures need dark frames of a known exposure (dark_exposure_s), or bias frames" in text
 
 
+def test_a_white_frame_that_is_saturated_is_bright_all_the_same(light, scene, camera, tmp_path):
+    camera.stuck = []
+    frames = camera.record(light.frames)
+    frames[1] = camera.record(2 * light.frames[1])
+    folder = lab_folder(tmp_path, light, scene, frames, dark=camera.even(0, 4))
+    found = measured(folder, "--dark", folder / "dark")
+    assert (frames[1] == 4095).sum() > 100 and found.saturation == 4095
+    assert found.counts["used"] > 380 and found.counts["dark"] < 20
+
+
 def test_a_colour_mosaic_is_named_unless_flat_frames_take_it_out(light, scene, camera, tmp_path):
     camera.stuck = []
     camera.response = camera.response * np.tile([[0.5, 1.0], [1.0, 0.7]], (13, 13))[:25, :25]
