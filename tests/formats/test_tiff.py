@@ -200,8 +200,8 @@ def test_the_exposure_is_read_where_all_pages_say_one(tmp_path, where):
         from PIL.TiffImagePlugin import IFDRational
 
         exif = Image.Exif()
-        exif.get_ifd(34665)
-        exif[34665] = {33434: IFDRational(1, 50)}
+        exif.get_ifd(34665)[33434] = exif_time = IFDRational(1, 50)
+        exif[34665] = {33434: exif_time}  # pillow writes the directory only where both are set
         Image.fromarray(ramp()[0]).save(path, exif=exif)
     else:
         with tifffile.TiffWriter(path) as file:
