@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from irtscots_cl.cli.camera_options import add_camera_files, camera_of, given_options
 from irtscots_cl.cli.common import (
     LAB_MEASURE,
     add_measure,
@@ -38,7 +39,8 @@ def add(commands) -> None:
         metavar="IMAGES",
         help="of line scans: HDF5 file with /images/x, /images/y [lines, rows, columns] and /lines/x_mm, /lines/y_mm, "
         "as `irtscots run` writes it. Of fringes: the manifest that `irtscots patterns` writes, a folder with one, or "
-        "image files or their folder with --manifest (TIFF, PNG, FITS, SER, NPZ); or a SOFAST measurement",
+        "image files or their folder with --manifest (TIFF, PNG, FITS, SER, NPZ, NPY, HDF5: a file may hold many "
+        "frames); or a SOFAST measurement",
     )
     parser.add_argument(
         "--manifest",
@@ -62,6 +64,7 @@ def add(commands) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME-measured")
     _add_image_choices(parser)
     parser.add_argument("--strict", action="store_true", help="refuse doubtful images too, with exit code 2")
+    add_camera_files(parser)
     add_measure(parser, default=f"{LAB_MEASURE}, for images with noise and background")
 
 
@@ -125,11 +128,10 @@ def _fringes(options: argparse.Namespace) -> int:
     check_kind(options.zernike)
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder, ("result.h5", "report.json", "scene.toml"), ("figures",))
-    saturation = options.saturation if math.isfinite(options.saturation) else None
     with made_folder(folder):
         facts = measure_fringes(
             options.images, scene, folder, manifest=options.manifest, strict=options.strict, zernike=options.zernike,
-            saturation=saturation, mask=options.mask
+            camera=camera_of(options), mask=options.mask
         )  # fmt: skip
     return _tell(options, facts, folder)
 
@@ -137,6 +139,8 @@ def _fringes(options: argparse.Namespace) -> int:
 def _sofast(options: argparse.Namespace) -> int:
     """A SOFAST measurement, with a scene or a folder of calibration files."""
     _no_line_scans(options)
+    for option in given_options(options):
+        raise ValueError(f"{option}: must be left out of a SOFAST measurement, whose file has all its images")
     from irtscots_cl.measurement.coefficients import check_kind
     from irtscots_cl.pipeline.measure_sofast import SofastSetup, measure_sofast
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder
@@ -187,13 +191,15 @@ def _line_scans(options: argparse.Namespace) -> int:
     with made_folder(folder):
         facts = measure(
             images, scene.nominal(), folder, options.threshold, how, strict=options.strict,
-            source=str(options.images), zernike=options.zernike, use=use
+            source=str(options.images), zernike=options.zernike, use=use,
+            camera=camera_of(options),
         )  # fmt: skip
     return _tell(options, facts, folder)
 
 
 def _tell(options: argparse.Namespace, facts: MeasuredFacts, folder: Path) -> int:
     from irtscots_cl.report.fringe_tables import fringe_tables
+    from irtscots_cl.report.image_tables import image_tables
     from irtscots_cl.report.tables import cautions, measured_tables
     from irtscots_cl.system.atomic_files import plain
 
@@ -203,6 +209,6 @@ def _tell(options: argparse.Namespace, facts: MeasuredFacts, folder: Path) -> in
     if options.json:
         print_json(plain(facts))
     else:
-        print_tables(measured_tables(facts) + fringe_tables(facts))
+        print_tables(measured_tables(facts) + fringe_tables(facts) + image_tables(facts))
         print(f"results in {folder}")
     return 0

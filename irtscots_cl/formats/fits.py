@@ -20,6 +20,7 @@ from irtscots_cl.formats.frames import (
     ImageFile,
     ReadOptions,
     check_size,
+    exposure_time,
     native,
     reading,
 )
@@ -27,6 +28,7 @@ from irtscots_cl.formats.frames import (
 # (BITPIX, BZERO) of whole numbers whose sign is changed: the standard's way to store them.
 SIGN_CHANGED = {(8, -128): "i1", (16, 2**15): "u2", (32, 2**31): "u4", (64, 2**63): "u8"}
 PLAIN = {8: "u1", 16: "i2", 32: "i4", 64: "i8", -32: "f4", -64: "f8"}
+EXPOSURE_KEYS = ("EXPTIME", "EXPOSURE")  # both in seconds
 COLOUR_KEYS = ("BAYERPAT", "COLORTYP", "CFA")
 
 
@@ -38,6 +40,7 @@ def open_fits(path: Path, options: ReadOptions) -> ImageFile:
     fits = _library(path)
     places: list[tuple[int, int]] = []  # of the frames: unit, plane
     notes: list[str] = []
+    exposures: set[float | None] = set()
     with reading(path, "FITS"), _opened(fits, path) as units:
         first: Any = None
         for number, unit in enumerate(units):
@@ -51,6 +54,7 @@ def open_fits(path: Path, options: ReadOptions) -> ImageFile:
             if form[1:] != first[1:]:
                 sizes = [f"{f[1][1]} x {f[1][0]} pixels of {f[2]}" for f in (form, first)]
                 raise ValueError(f"{path}: unit {number + 1}: {sizes[0]}; the first has {sizes[1]}: must be equal")
+            exposures.add(next((exposure_time(unit.header[key]) for key in EXPOSURE_KEYS if key in unit.header), None))
             places += [(number, plane) for plane in range(form[0])]
         if first is None:
             raise ValueError(f"{path}: no image in it")
@@ -60,7 +64,8 @@ def open_fits(path: Path, options: ReadOptions) -> ImageFile:
     def read(number: int) -> Frame:
         return _read(path, places[number], top_first, dtype)
 
-    return ImageFile(path, shape, len(places), dtype, bits, read, tuple(notes))
+    exposure = exposures.pop() if len(exposures) == 1 else None
+    return ImageFile(path, shape, len(places), dtype, bits, read, tuple(notes), exposure_s=exposure)
 
 
 def _library(path: Path) -> Any:

@@ -32,7 +32,8 @@ class ReadOptions:
     """What a file cannot be trusted with. None: as the file says, or as found from its data.
 
     ser_byte_order: "little" or "big", of 16-bit SER files. fits_rows: whether a FITS file's first row is the picture's
-    bottom ("bottom-up") or top ("top-down"). npz_array: name of the array in an NPZ file.
+    bottom ("bottom-up") or top ("top-down"). npz_array: name of the array in an NPZ file, or of the dataset in an HDF5
+    file.
     """
 
     ser_byte_order: str | None = None
@@ -54,7 +55,7 @@ class ImageFile:
     byte order. bits: of a sample as the camera stored it, without sign; 0 for floating point. notes: what was found
     or done that a reader of the results should know. read: a frame [rows, columns] by its number, from 0; raises
     ValueError, with one line that names the file, for what cannot be read. times: of the frames, where the file has
-    them, as datetime64[us] in UTC.
+    them, as datetime64[us] in UTC. exposure_s: of every frame, where the file says one.
     """
 
     path: Path
@@ -65,6 +66,7 @@ class ImageFile:
     read: Callable[[int], Frame] = field(repr=False, compare=False)
     notes: tuple[str, ...] = ()
     times: NDArray[np.datetime64] | None = field(default=None, repr=False, compare=False)
+    exposure_s: float | None = None
 
     @property
     def saturation(self) -> float:
@@ -152,6 +154,16 @@ def upright(image: Frame, orientation: int) -> Frame:
 def upright_shape(shape: tuple[int, int], orientation: int) -> tuple[int, int]:
     """(rows, columns) of `upright`."""
     return (shape[1], shape[0]) if orientation >= 5 else shape
+
+
+def exposure_time(value: Any) -> float | None:
+    """An exposure time [s] as a header has it: a number, or a ratio of two. None for what is none."""
+    try:
+        top, bottom = value if isinstance(value, tuple) else (value, 1)
+        seconds = float(top) / float(bottom)
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+        return None
+    return seconds if 0 < seconds < math.inf else None
 
 
 def check_orientation(path: Path, orientation: Any) -> int:

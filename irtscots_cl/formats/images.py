@@ -5,7 +5,7 @@
     for image in frames: ...          # [rows, columns], counts as stored; one frame in memory at a time
     frames[7]                         # the eighth frame, read when asked for
 
-TIFF, PNG, FITS, SER, NPZ and NPY. Every image has its first row at the picture's top; counts are not scaled.
+TIFF, PNG, FITS, SER, NPZ, NPY and HDF5. Every image has its first row at the picture's top; counts are not scaled.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
 from threading import Lock
-from typing import Any, overload
+from typing import Any, Protocol, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +33,13 @@ _KINDS = {
     "SER": ((".ser",), (b"LUCAM-RECORDER",)),
     "NPZ": ((".npz",), (b"PK\x03\x04", b"PK\x05\x06")),
     "NPY": ((".npy",), (b"\x93NUMPY",)),
+    "HDF5": ((), (b"\x89HDF\r\n\x1a\n",)),  # by no ending: a folder's results are no images
 }
 # Known, and no measurement or not read here: what to do instead.
+JPEG = b"\xff\xd8\xff"
 _REFUSED = {
-    b"\xff\xd8\xff": "a JPEG: its counts are changed by the compression; record TIFF, PNG, FITS or SER",
+    JPEG: "a JPEG: its counts are changed by the compression; record TIFF, PNG, FITS or SER",
     b"BM": "a BMP; convert to TIFF or PNG",
-    b"\x89HDF\r\n\x1a\n": "an HDF5 file: give it alone, not among images",
     b"\x1f\x8b": "packed by gzip; unpack it first",
 }
 SUFFIXES = frozenset(suffix for suffixes, _ in _KINDS.values() for suffix in suffixes)
@@ -127,16 +128,30 @@ class FrameSource:
         known = [file.times for file in self.files if file.times is not None]
         return np.concatenate(known) if len(known) == len(self.files) else None
 
+    @property
+    def exposures_s(self) -> list[float | None]:
+        """Exposure time of every frame, None where its file says none."""
+        return [file.exposure_s for file in self.files for _ in range(file.count)]
+
     def part(self, numbers: Iterable[int]) -> FramePart:
         """Some of the frames, in the order asked for: those of one exposure, or of one manifest's series."""
         return FramePart(self, tuple(range(self.count)[k] for k in numbers))
+
+
+class AnySource(Protocol):
+    """What FramePart takes frames from: a FrameSource, or one that calibrates them."""
+
+    @property
+    def shape(self) -> tuple[int, int]: ...
+    def __getitem__(self, number: int, /) -> Frame: ...
+    def name(self, number: int) -> str: ...
 
 
 @dataclass(frozen=True)
 class FramePart(Sequence[Frame]):
     """Frames of a source in an order of their own, read when they are asked for: a Sequence of images."""
 
-    source: FrameSource
+    source: AnySource
     numbers: tuple[int, ...]
 
     @property
@@ -208,11 +223,15 @@ def _inside(folder: Path) -> tuple[list[Path], list[str]]:
         entries = sorted(folder.iterdir())
     except OSError as error:
         raise ValueError(f"{folder}: not a readable folder: {error.strerror or first_line(error)}") from None
-    images = [e for e in entries if not _hidden(e) and e.suffix.lower() in SUFFIXES and e.is_file()]
+    images = [e for e in entries if not is_hidden(e) and e.suffix.lower() in SUFFIXES and e.is_file()]
     others = [e.name for e in entries if e not in set(images)]
     if not images:
         kinds = ", ".join(sorted(SUFFIXES))
-        raise ValueError(f"{folder}: no images among its {len(entries)} entries; must be files named {kinds}")
+        inner = [e.name for e in natural_order(entries) if e.is_dir() and not is_hidden(e)]
+        hint = f"; it has the folders {_some(inner)}: name them, in the frames' order" if inner else ""
+        if any(e.suffix.lower() in (".jpg", ".jpeg") for e in entries):
+            hint += f"; JPEG: {_REFUSED[JPEG].removeprefix('a JPEG: ')}"
+        raise ValueError(f"{folder}: no images among its {len(entries)} entries; must be files named {kinds}{hint}")
     kinds_there = sorted({_kind_of_name(e) for e in images})
     if len(kinds_there) > 1:
         raise ValueError(
@@ -222,7 +241,8 @@ def _inside(folder: Path) -> tuple[list[Path], list[str]]:
     return natural_order(images), [f"{folder}: left out: {_some(others)}"] if others else []
 
 
-def _hidden(path: Path) -> bool:
+def is_hidden(path: Path) -> bool:
+    """Whether a file is one that programs and systems put beside others, as ._IMG_1.tif."""
     return path.name.startswith((".", "~")) or path.name.endswith("~")
 
 
@@ -269,6 +289,8 @@ def _opener(kind: str) -> Callable[[Path, ReadOptions], ImageFile]:
         from irtscots_cl.formats.ser import open_ser as opener
     elif kind == "NPZ":
         from irtscots_cl.formats.npz import open_npz as opener
+    elif kind == "HDF5":
+        from irtscots_cl.formats.hdf5_frames import open_hdf5 as opener
     else:
         from irtscots_cl.formats.npz import open_npy as opener
     return opener

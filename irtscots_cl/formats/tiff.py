@@ -22,6 +22,7 @@ from irtscots_cl.formats.frames import (
     ReadOptions,
     check_orientation,
     check_size,
+    exposure_time,
     native,
     orientation_note,
     reading,
@@ -34,7 +35,7 @@ COLOUR = {2: "RGB", 3: "palette colour", 5: "CMYK", 6: "YCbCr", 8: "CIELab", 328
 UNCOMPRESSED, JPEGS = 1, (6, 7)
 UNSIGNED, SIGNED, FLOAT = 1, 2, 3  # SampleFormat
 BITS = {UNSIGNED: (8, 10, 12, 14, 16, 32), SIGNED: (8, 16, 32), FLOAT: (16, 32, 64)}
-ORIENTATION = 274
+ORIENTATION, EXIF = 274, 34665
 
 
 def open_tiff(path: Path, options: ReadOptions) -> ImageFile:
@@ -53,9 +54,23 @@ def open_tiff(path: Path, options: ReadOptions) -> ImageFile:
                 sizes = [f"{s[0][1]} x {s[0][0]} pixels, {s[1]}, {s[2]} bits" for s in (shapes[-1], first)]
                 raise ValueError(f"{path}: page {number} has {sizes[0]}, page 1 {sizes[1]}: must be equal")
         _check_all_pages(path, file, len(shapes))
+        exposures = {_exposure(page) for page in file.pages}
     shape, dtype, bits, _ = first
     notes = [note for turn in sorted({s[3] for s in shapes}) for note in orientation_note(turn)]
-    return ImageFile(path, shape, len(shapes), dtype, bits, lambda number: _read(path, number), tuple(notes))
+    exposure = exposures.pop() if len(exposures) == 1 else None
+
+    def read(number: int) -> Frame:
+        return _read(path, number)
+
+    return ImageFile(path, shape, len(shapes), dtype, bits, read, tuple(notes), exposure_s=exposure)
+
+
+def _exposure(page: Any) -> float | None:
+    """Exif's exposure time of a page, in its own directory or in Exif's."""
+    exif = page.tags.get(EXIF)
+    inside = exif.value if exif is not None and isinstance(exif.value, dict) else {}
+    own = page.tags.get("ExposureTime")
+    return exposure_time(inside.get("ExposureTime") if own is None else own.value)
 
 
 def _count_pages(path: Path) -> int:

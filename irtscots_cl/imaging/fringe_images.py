@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from irtscots_cl.formats.images import FrameSource, open_frames
+from irtscots_cl.imaging.camera_files import CameraFiles
+from irtscots_cl.imaging.exposures import check_equal, exposures_of
+from irtscots_cl.imaging.frame_count import check_count
 from irtscots_cl.imaging.fringe_manifest import DARK, NAME, WHITE, FringeManifest, image_paths, read_manifest
 from irtscots_cl.imaging.fringes import FringeStack
-from irtscots_cl.imaging.lab_frames import mean_frame
-from irtscots_cl.imaging.orientation import stored_shape
+from irtscots_cl.imaging.lab_frames import LabFrames, mean_frame
+from irtscots_cl.imaging.orientation import TRANSPOSED, stored_shape
 from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.scene.instrument import ORIENTATIONS
 from irtscots_cl.scene.model import Scene
 
 SUFFIX = ".toml"
@@ -20,59 +27,89 @@ SHOWN = 3  # names in messages
 
 @dataclass(frozen=True)
 class FringeImages:
-    """frames: as recorded, in the manifest's order."""
+    """recorded: the camera's images, `camera.images_of_frame` for each frame of the manifest. camera: what is known
+    about them. frames: of the manifest, in its order: the recorded images, or what is made of them."""
 
     manifest: FringeManifest
-    frames: FrameSource = field(repr=False)
+    recorded: FrameSource = field(repr=False)
+    camera: CameraFiles
+    frames: FrameSource | LabFrames = field(repr=False)
 
     def stack(self, saturation: float | None = None) -> FringeStack:
         """The fringe images, read when they are asked for, and the means of the dark and the white ones.
 
-        saturation: value at which samples are saturated; None: as the files say.
+        saturation: value at which samples are saturated; None: as the files say. Calibrated frames have none: their
+        saturated samples are no numbers.
         """
+        if isinstance(self.frames, LabFrames):
+            saturation = math.inf
+        elif saturation is None:
+            saturation = self.recorded.saturation
         return FringeStack(
             self.manifest.sets,
             self.frames.part(self.manifest.order),
-            self._mean(DARK),
-            self._mean(WHITE),
-            self.frames.saturation if saturation is None else saturation,
+            self.mean(DARK),
+            self.mean(WHITE),
+            saturation,
         )
 
-    def _mean(self, shows: str) -> FloatArray | None:
+    def mean(self, shows: str) -> FloatArray | None:
+        """The mean [rows, columns] of the frames that show this, as stored; None without any."""
         numbers = self.manifest.numbers(shows)
-        return mean_frame(self.frames.part(numbers)).mean if numbers else None
+        if not numbers:
+            return None
+        mean = mean_frame(self.frames.part(numbers)).mean
+        if isinstance(self.frames, LabFrames):  # a saturated sample is missing, and yet bright
+            saturated = np.logical_or.reduce([self.frames.frame(k).saturated for k in numbers])
+            mean[saturated] = np.nanmax(mean, initial=0.0) if np.isfinite(mean).any() else 1.0
+        return mean
+
+    @property
+    def exposures_s(self) -> tuple[float | None, ...]:
+        """Of the images that make a frame, None where they are not known. Raises ValueError where the images of a
+        series have different ones by their files."""
+        order, found = self.manifest.order, exposures_of(self.recorded, self.camera)
+        if self.camera.images_of_frame == 1:
+            counts = [len(steps) for one in self.manifest.sets for steps in one.steps_rad]
+            ends = np.cumsum(counts).tolist()
+            series = [order[end - count : end] for end, count in zip(ends, counts, strict=True)]
+            check_equal(self.recorded, series, "a series")
+        return found
 
     def name(self, number: int) -> str:
-        """An image in messages: its number from 1 and its file."""
-        file, page = self.frames.place(number)
+        """An image in messages, by the number of its frame in the manifest: the first recorded one that makes it."""
+        first = self.frames.recorded(number)[0] if isinstance(self.frames, LabFrames) else number
+        return self.recorded_name(first)
+
+    def recorded_name(self, number: int) -> str:
+        """A recorded image in messages: its number from 1 and its file."""
+        file, page = self.recorded.place(number)
         return f"image {number + 1} ({file.path.name}{f' frame {page + 1}' if file.count > 1 else ''})"
 
     def of_stack(self, number: int) -> int:
-        """Number of an image of the stack."""
+        """Number in the manifest of an image of the stack."""
         return self.manifest.order[number]
 
 
 def open_fringe_images(
-    paths: Sequence[Path], scene: Scene, manifest: Path | None = None, saturation: float | None = None
+    paths: Sequence[Path],
+    scene: Scene,
+    manifest: Path | None = None,
+    camera: CameraFiles | None = None,
 ) -> FringeImages:
     """The images of a manifest, of a folder with one, or of a folder or files with a manifest that lies elsewhere.
 
-    Raises ValueError, with a message of one line, where images, manifest and scene do not fit.
+    camera: what is known about the camera, in place of what the manifest says of it. Raises ValueError, with a message
+    of one line, where images, manifest and scene do not fit.
     """
     given = list(paths)
     if manifest is None:
         manifest, given = own_manifest(given)
     found = read_manifest(manifest, scene)
-    frames = open_frames(given or image_paths(found), saturation=saturation)
-    wanted = len(found.frames)
+    camera = found.camera if camera is None else found.camera.replaced_by(camera)
+    frames = open_frames(given or image_paths(found), saturation=camera.saturation, options=camera.read)
     where = ", ".join(path.name for path in given[:SHOWN]) if given else str(found.path.parent)
-    if frames.count != wanted:
-        few = frames.count < wanted
-        raise ValueError(
-            f"{where}: {frames.count} images; {found.path} has {wanted} frames: "
-            + ("images are missing, or lines of frames that were not recorded are left" if few else "too many")
-            + f"; the first is {found.frames[0].text}, the last {found.frames[-1].text}"
-        )
+    check_count(frames, found, camera.images_of_frame, where)
     detector = scene.camera.detector
     columns, rows = detector.pixels
     shape = stored_shape((rows, columns), detector.orientation)
@@ -80,9 +117,17 @@ def open_fringe_images(
         raise ValueError(
             f"{where}: images of {frames.shape[1]} x {frames.shape[0]} pixels; scene {scene.name}: "
             f"camera.detector.pixels = {[columns, rows]}, stored as orientation = {detector.orientation!r} says, are "
-            f"{shape[1]} x {shape[0]} (columns x rows)"
+            f"{shape[1]} x {shape[0]} (columns x rows){_exchanged(frames.shape, shape, detector.orientation)}"
         )
-    return FringeImages(found, frames)
+    return FringeImages(found, frames, camera, frames)
+
+
+def _exchanged(found: tuple[int, int], wanted: tuple[int, int], orientation: str) -> str:
+    """The remedy for images whose rows are the other's columns, as the end of a message."""
+    if found != wanted[::-1] or found == wanted:
+        return ""
+    words = [word for word in ORIENTATIONS if (word in TRANSPOSED) != (orientation in TRANSPOSED)]
+    return f": rows and columns are exchanged, the orientation is one of {', '.join(words)}"
 
 
 def own_manifest(paths: list[Path]) -> tuple[Path, list[Path]]:

@@ -15,12 +15,13 @@ from __future__ import annotations
 import json
 import math
 import tomllib
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from irtscots_cl.formats.images import SUFFIXES, natural_order
+from irtscots_cl.imaging.camera_files import CameraFiles, camera_files, named
 from irtscots_cl.imaging.fringes import FringeSet
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import nearest, shown_word
@@ -32,7 +33,7 @@ DARK, WHITE, FRINGES = "dark", "white", "fringes"
 SHOWS = (DARK, WHITE, FRINGES)
 _KEYS = {
     "": ("kind", "version", "scene", "screen_pixels", "bits", "first_row", "first_column", "images", "ends", "reverse",
-         "frames"),
+         "frames", "camera"),
     "frames": ("picture", "shows", "axis", "periods", "step_deg", "image"),
 }  # fmt: skip
 _OF_FRINGES = ("axis", "periods", "step_deg")
@@ -76,6 +77,7 @@ class FringeManifest:
     ends: str = "edges"
     reverse: tuple[str, ...] = ()
     path: Path = Path(NAME)
+    camera: CameraFiles = field(default_factory=CameraFiles)
 
     @property
     def levels(self) -> int:
@@ -223,6 +225,7 @@ def _manifest(table: dict[str, Any], path: Path, scene: Scene | None) -> FringeM
         ends,
         reverse,
         path,
+        camera_files(table.get("camera", {}), path.parent),
     )
     axes = {one.axis for one in found.sets}  # and checks them
     if axes != {"x", "y"}:
@@ -291,7 +294,9 @@ def image_paths(manifest: FringeManifest) -> list[Path]:
     if own:
         return own
     if manifest.images and not (manifest.images == (CAMERA,) and not (folder / CAMERA).exists()):
-        return [path for name in manifest.images for path in _expanded(manifest, name)]
+        return [
+            path for name in manifest.images for path in named(folder, name, f"{manifest.path}: images = {_told(name)}")
+        ]
     pictures = {frame.picture for frame in manifest.frames}
     beside = [p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file() and p.name not in pictures]
     if not beside:
@@ -300,19 +305,3 @@ def image_paths(manifest: FringeManifest) -> list[Path]:
             'or say where they are: images = "FOLDER", or image = "NAME" in the line of each frame'
         )
     return natural_order(beside)
-
-
-def _expanded(manifest: FringeManifest, name: str) -> Sequence[Path]:
-    """The paths that a name of `images` stands for."""
-    folder = manifest.path.parent
-    if not any(c in name for c in "*?"):
-        path = folder / name
-        if not path.exists():
-            raise ValueError(f"{manifest.path}: images = {_told(name)}: there is no file or folder {path}")
-        return [path]
-    part = Path(name)
-    base = folder / part.parent
-    found = natural_order(base.glob(part.name)) if base.is_dir() else []
-    if not found:
-        raise ValueError(f"{manifest.path}: images = {_told(name)}: no file in {base} has such a name")
-    return found

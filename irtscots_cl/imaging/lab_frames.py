@@ -10,7 +10,7 @@ A value is (raw - dark) / response, in counts. Bad pixels and saturated samples 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol, overload
@@ -18,6 +18,7 @@ from typing import Any, Protocol, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from irtscots_cl.formats.images import FramePart
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.system import interruption
 
@@ -39,27 +40,37 @@ class Frames(Protocol):
 
 @dataclass(frozen=True)
 class MeanFrame:
-    """mean: [rows, columns]; NaN where a sample is missing. saturated: [rows, columns], in any of the frames."""
+    """mean: [rows, columns]; NaN where a sample is missing. saturated: [rows, columns], in any of the frames. error:
+    standard error [rows, columns] of the mean by the frames' scatter; NaN for one frame. levels: mean of each frame."""
 
     mean: FloatArray = field(repr=False)
     saturated: BoolArray = field(repr=False)
     count: int
+    error: FloatArray = field(repr=False)
+    levels: tuple[float, ...] = ()
 
 
 def mean_frame(frames: Frames, saturation: float = math.inf) -> MeanFrame:
     """The mean of frames, read one at a time. Raises ValueError for none, or for shapes that differ."""
     if not len(frames):
         raise ValueError("no frames for a mean")
-    total = np.zeros(np.shape(frames[0]))
-    saturated = np.zeros(total.shape, bool)
+    mean, squares = np.zeros(np.shape(frames[0])), np.zeros(np.shape(frames[0]))
+    saturated = np.zeros(mean.shape, bool)
+    levels = []
     for k in range(len(frames)):
         interruption.check()
         image = frames[k]
-        if np.shape(image) != total.shape:
-            raise ValueError(f"frame {k} has shape {np.shape(image)}, the first one {total.shape}")
-        total += image
+        if np.shape(image) != mean.shape:
+            raise ValueError(f"frame {k} has shape {np.shape(image)}, the first one {mean.shape}")
+        step = image - mean
+        mean += step / (k + 1)
+        squares += step * (image - mean)  # Welford: no difference of large numbers
         saturated |= is_saturated(image, saturation)
-    return MeanFrame(total / len(frames), saturated, len(frames))
+        known = np.isfinite(image)
+        levels.append(float(image.mean(where=known, dtype=float)) if known.any() else math.nan)
+    count = len(frames)
+    error = np.sqrt(squares / (count * (count - 1))) if count > 1 else np.full(mean.shape, np.nan)
+    return MeanFrame(mean, saturated, count, error, tuple(levels))
 
 
 def is_saturated(image: NDArray[Any], saturation: float) -> BoolArray:
@@ -74,7 +85,8 @@ class CameraCalibration:
     """What a camera adds to its frames, [rows, columns] each, None where it is not known.
 
     bias: counts without light at no exposure. dark: counts without light at dark_exposure_s, the bias included.
-    response: of a pixel to light, of median 1. bad: pixels whose samples mean nothing. notes: one line each.
+    response: of a pixel to light, of median 1. bad: pixels whose samples mean nothing; dead: those of them that the
+    flat frames show and no map. notes: one line each. means: of the frames that were averaged, by what they are.
     """
 
     bias: FloatArray | None = field(default=None, repr=False)
@@ -83,6 +95,8 @@ class CameraCalibration:
     response: FloatArray | None = field(default=None, repr=False)
     bad: BoolArray | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
+    dead: BoolArray | None = field(default=None, repr=False)
+    means: Mapping[str, MeanFrame] = field(default_factory=dict, repr=False)
 
     def offset(self, exposure_s: float | None, what: str) -> FloatArray | float:
         """Counts without light at an exposure; that of the dark frames where none is given.
@@ -138,13 +152,14 @@ def camera_calibration(
     known = CameraCalibration(bias_mean, dark_mean, dark_exposure_s)
     is_bad = None if bad is None else np.asarray(bad) != 0
     notes = [] if is_bad is None else [f"{int(is_bad.sum())} bad pixels by the map"]
-    response = None
+    response, dead = None, None
     if means["flat"] is not None:
         offset = known.offset(flat_exposure_s, "flat frames") if flat_dark_mean is None else flat_dark_mean
         response, dead = _response(means["flat"], offset, is_bad)
         notes.append(f"{int(dead.sum())} pixels that are saturated or dead in the flat frames")
         is_bad = dead if is_bad is None else is_bad | dead
-    return CameraCalibration(bias_mean, dark_mean, dark_exposure_s, response, is_bad, tuple(notes))
+    made = {name: one for name, one in means.items() if one is not None}
+    return CameraCalibration(bias_mean, dark_mean, dark_exposure_s, response, is_bad, tuple(notes), dead, made)
 
 
 def _response(flat: MeanFrame, offset: FloatArray | float, bad: BoolArray | None) -> tuple[FloatArray, BoolArray]:
@@ -230,6 +245,19 @@ class LabFrames(Sequence[NDArray[Any]]):
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         return (self[k] for k in range(len(self)))
+
+    def name(self, number: int) -> str:
+        """What to call a frame in messages: the first of the recorded ones that make it."""
+        return self.recorded_name(self.recorded(number)[0])
+
+    def recorded_name(self, number: int) -> str:
+        """What to call a recorded frame in messages."""
+        name = getattr(self.frames, "name", None)
+        return f"frame {number + 1}" if name is None else str(name(number))
+
+    def part(self, numbers: Iterable[int]) -> FramePart:
+        """Some of the frames, in the order asked for."""
+        return FramePart(self, tuple(range(len(self))[k] for k in numbers))
 
     def recorded(self, number: int) -> list[int]:
         """Numbers of the recorded frames that make a frame."""

@@ -24,7 +24,7 @@ def read_mask(path: Path, shape: tuple[int, int], orientation: str = "upright") 
     with colours counts where any of them is not 0; its opacity counts for nothing. Raises ValueError, with a message of
     one line, for a file that is no mask: another size, more than two values, all 0.
     """
-    values = _values(path)
+    values = picture_values(path, f"--mask = {str(path)!r}")
     rows, columns = stored_shape(shape, orientation)
     if values.shape != (rows, columns):
         size = " x ".join(map(str, values.shape[::-1])) or "one value"
@@ -48,11 +48,11 @@ def read_mask(path: Path, shape: tuple[int, int], orientation: str = "upright") 
     return use
 
 
-def _values(path: Path) -> np.ndarray:
-    """The numbers [rows, columns] of the file."""
+def picture_values(path: Path, what: str) -> np.ndarray:
+    """The numbers [rows, columns] of a file. what: it is, for messages."""
     if not path.is_file():
         why = "it is a folder" if path.is_dir() else "there is no file of that name"
-        raise ValueError(f"--mask = {str(path)!r}: not a readable mask: {why}")
+        raise ValueError(f"{what}: not a readable mask: {why}")
     kind = path.suffix.lower()
     try:
         if kind in HDF5:
@@ -67,10 +67,10 @@ def _values(path: Path) -> np.ndarray:
             raise ValueError(f"has {values.size} values")
         values = np.array(values)
     except (OSError, RuntimeError, KeyError, ValueError, SyntaxError, EOFError) as error:
-        what = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ValueError(f"--mask = {str(path)!r}: not a readable mask: {what}; {KINDS}") from None
+        why = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ValueError(f"{what}: not a readable mask: {why}; {KINDS}") from None
     if values.dtype.kind not in "biuf":
-        raise ValueError(f"--mask = {str(path)!r}: has values of type {values.dtype}; {KINDS}")
+        raise ValueError(f"{what}: has values of type {values.dtype}; {KINDS}")
     return values
 
 

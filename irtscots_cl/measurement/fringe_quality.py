@@ -41,6 +41,7 @@ class Reason(IntEnum):
     SATURATED = 3  # too few samples are left of a series
     ORDER = 4  # which fringe it sees is in doubt
     DISAGREE = 5  # its series tell different places: light from elsewhere, motion, an edge
+    BAD = 6  # of the camera: by the map of bad pixels, dead or saturated in the flat frames
 
 
 REASONS = {
@@ -49,6 +50,7 @@ REASONS = {
     Reason.SATURATED: "with too few samples, saturated or missing",
     Reason.ORDER: "with a fringe order in doubt",
     Reason.DISAGREE: "whose series disagree",
+    Reason.BAD: "bad by the camera's map or flat frames",
 }
 
 
@@ -69,8 +71,11 @@ class Exclusions:
         return {reason.name.lower(): int(found[reason]) for reason in Reason}
 
 
-def exclusions(found: ScreenCoordinates, lit: BoolArray, use: BoolArray | None = None) -> Exclusions:
-    """The reason for every pixel. lit: those that see fringes. use: those that may be used; None: all."""
+def exclusions(
+    found: ScreenCoordinates, lit: BoolArray, use: BoolArray | None = None, bad: BoolArray | None = None
+) -> Exclusions:
+    """The reason for every pixel. lit: those that see fringes. use: those that may be used; None: all. bad: of the
+    camera; None: none."""
     reason = np.where(lit, Reason.USED, Reason.DARK)
     for one in found.axes.values():
         freedom = np.maximum(np.isfinite(one.phase_rad).sum(0) - 1, 0)
@@ -83,6 +88,8 @@ def exclusions(found: ScreenCoordinates, lit: BoolArray, use: BoolArray | None =
             )
         for kind, wrong in tests:
             reason[(reason == Reason.USED) & wrong] = kind
+    if bad is not None:
+        reason[bad] = Reason.BAD
     if use is not None:
         reason[~use] = Reason.MASKED
     return Exclusions(reason.astype(np.int64))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from irtscots_cl.analysis.comparison import HEIGHT_TERMS
+from irtscots_cl.imaging.camera_files import CameraFiles
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.maths.arrays import BoolArray
 from irtscots_cl.maths.low_order import remove_terms, rms
@@ -30,6 +31,9 @@ from irtscots_cl.report.types import AlongAxes, HeightErrors, MeasuredFacts, Ref
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
 
+if TYPE_CHECKING:
+    from irtscots_cl.pipeline.lab_lines import CalibratedLines
+
 DIFFERENCE = 3.0  # standard errors of the height: a measure that differs by more from the best one is named
 
 
@@ -48,21 +52,29 @@ def measure(
     source: str = "images",
     zernike: str = "circular",
     use: BoolArray | None = None,
+    camera: CameraFiles | None = None,
 ) -> MeasuredFacts:
     """Measure a mirror from images alone, without a truth to compare with.
 
     how: a name of methods.MEASURES. strict: refuse doubtful images, too. source: the images' file, for messages.
     zernike: kind of the terms that are fitted, of coefficients.KINDS. use: detector pixels [rows, columns] that may be
-    used; None: all. Writes result.h5 and figures into the folder and
-    returns the main facts, named as in report.json. Raises RefusedImagesError if a check says that the images are
-    wrong, ValueError if they do not fit the scene or cannot be measured.
+    used; None: all. camera: what is known about the camera that the images come from. Writes result.h5 and figures into
+    the folder and returns the main facts, named as in report.json. Raises RefusedImagesError if a check says that the
+    images are wrong, ValueError if they do not fit the scene or cannot be measured.
     """
     from irtscots_cl.report.figures import write_figures
 
     check_kind(zernike)
     try:
+        known = _calibrated(stack, nominal, camera)
+        before = [] if known is None else known.checks
+        refuse_bad(before, strict)
+        if known is not None:
+            stack, use = known.stack, known.usable(use)
         result, stack, bars, checks = _measured(stack, Setup(nominal), threshold, how, strict, use)
-        facts = measured_facts(result, how, bars, checks, zernike)
+        facts = measured_facts(result, how, bars, before + checks, zernike)
+        if known is not None:
+            facts["camera"] = known.facts
         refuse_bad(checks, strict)
     except ValueError as error:
         kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
@@ -72,6 +84,15 @@ def measure(
         write_result(folder / "result.h5", stack, result, attributes, bars)
         write_figures(folder / "figures", stack, result, None)
     return facts
+
+
+def _calibrated(stack: ImageStack, nominal: Scene, camera: CameraFiles | None) -> CalibratedLines | None:
+    """The images with what is known about their camera; None where that changes nothing."""
+    if camera is None or not camera.changes_frames:
+        return None
+    from irtscots_cl.pipeline.lab_lines import calibrated_lines  # few images come with calibration frames
+
+    return calibrated_lines(stack, camera, nominal.camera.detector.orientation)
 
 
 def _measured(

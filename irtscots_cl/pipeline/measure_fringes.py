@@ -7,19 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from irtscots_cl.imaging.fringe_images import FringeImages, open_fringe_images
+from irtscots_cl.imaging.camera_files import CameraFiles
+from irtscots_cl.imaging.fringe_images import open_fringe_images
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.imaging.mask_files import read_mask
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.coefficients import check_kind
+from irtscots_cl.measurement.colour_mosaic import check_mosaic
 from irtscots_cl.measurement.error_bars import error_bars
-from irtscots_cl.measurement.frame_survey import survey_frames
 from irtscots_cl.measurement.fringe_frames import frames_shown
 from irtscots_cl.measurement.fringe_light import place_mm, places_of_light
 from irtscots_cl.measurement.fringe_quality import (
     Exclusions,
-    check_frame_values,
     check_frames,
     check_geometry,
     check_light,
@@ -35,6 +35,7 @@ from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_pla
 from irtscots_cl.measurement.unwrapping import MARGIN
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, fringe_facts, write_fringes
+from irtscots_cl.pipeline.lab_camera import RecordedImages, image_facts, recorded_images
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
 from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
@@ -53,25 +54,26 @@ def measure_fringes(
     manifest: Path | None = None,
     strict: bool = False,
     zernike: str = "circular",
-    saturation: float | None = None,
+    camera: CameraFiles | None = None,
     mask: Path | None = None,
 ) -> MeasuredFacts:
     """Measure a mirror from images of fringes. Writes result.h5, report.json, scene.toml and figures into the folder
     and returns the main facts, named as in report.json.
 
     paths, manifest: see open_fringe_images. scene: only its design is used. strict: refuse doubtful images, too.
-    zernike: kind of the terms that are fitted. saturation: of the camera's pixels. mask: file of the pixels that may be
-    used, lying as the images do. Raises RefusedImagesError if a check says that the images are wrong, ValueError if
-    they do not fit the scene or its manifest.
+    zernike: kind of the terms that are fitted. camera: what is known about the camera, in place of what the manifest
+    says. mask: file of the pixels that may be used, lying as the images do. Raises RefusedImagesError if a check says
+    that the images are wrong, ValueError if they do not fit the scene or its manifest.
     """
     check_kind(zernike)
     nominal = scene.nominal()
-    images = open_fringe_images(paths, nominal, manifest, saturation)
+    images = open_fringe_images(paths, nominal, manifest, camera)
     detector = nominal.camera.detector
     columns, rows = detector.pixels
     use = None if mask is None else stored(read_mask(mask, (rows, columns), detector.orientation), detector.orientation)
     try:
-        found, checks = fringe_surface(images, Setup(nominal), strict, use, saturation)
+        recorded = recorded_images(images)
+        found, checks = fringe_surface(recorded, Setup(nominal), strict, use)
         bars = error_bars(found.result)
         assert bars is not None and found.reason is not None
         facts = measured_facts(found.result, FRINGES, bars, checks, zernike)
@@ -82,28 +84,30 @@ def measure_fringes(
     told = fringe_facts(found)
     told["excluded"] = Exclusions(found.reason).counts(found.stored(found.result.on_mirror))
     facts["fringes"] = told
+    facts["images"] = image_facts(images.recorded, recorded.ceiling)
+    if recorded.lab is not None:
+        facts["camera"] = recorded.lab.facts
     screen = "from 0 at the screen's -x (-y) edge to 1 at its +x (+y) edge"
     write_fringes(folder, found, facts, bars, {"screen fractions": screen})
     return facts
 
 
 def fringe_surface(
-    images: FringeImages,
+    recorded: RecordedImages,
     setup: Setup,
     strict: bool = False,
     use: BoolArray | None = None,
-    saturation: float | None = None,
 ) -> tuple[FringeResult, list[Check]]:
     """The surface, and the checks of its images.
 
-    use: pixels [rows, columns] of the images as stored that may be used; None: all. saturation: None for the least of
-    what the files say and what the images show. Raises RefusedImagesError, ValueError.
+    use: pixels [rows, columns] of the images as stored that may be used; None: all. Raises RefusedImagesError,
+    ValueError.
     """
-    survey = survey_frames(images.frames)
-    checks = check_frame_values(survey, images.name)
+    images, checks = recorded.images, list(recorded.checks)
     refuse_bad(checks, strict)
-    ceiling = min(images.frames.saturation, survey.ceiling) if saturation is None else saturation
-    stack = images.stack(ceiling)
+    stack = images.stack(recorded.ceiling)
+    if stack.white is not None:
+        checks.append(check_mosaic(stack.white - (0.0 if stack.dark is None else stack.dark)))
     orientation = setup.scene.camera.detector.orientation
     on_mirror = setup.chief_rays.footprint.coverage >= COVERAGE
     lit = find_mask(stack, largest=False)
@@ -118,12 +122,13 @@ def fringe_surface(
     )
     refuse_bad(checks, strict)
     checks += check_notes(found) + _prior_note(stack)
-    why = exclusions(found, lit, use)
-    checks.append(check_saturation(found, stored(on_mirror, orientation), ceiling))
+    why = exclusions(found, lit, use, recorded.bad)
+    clipping = on_mirror if recorded.bad is None else on_mirror & ~upright(recorded.bad, orientation)
+    checks.append(check_saturation(found, stored(clipping, orientation), recorded.ceiling))
     checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
     refuse_bad(checks, strict)
     found, phases = places_of_light(found, setup, images.manifest.levels)
-    why = exclusions(found, lit, use)
+    why = exclusions(found, lit, use, recorded.bad)
     used = upright(why.used, orientation)
     checks += check_light(found, phases, setup, used & on_mirror)
     checks.append(check_pixels(why.counts(stored(on_mirror, orientation))))

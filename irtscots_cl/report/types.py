@@ -2,6 +2,8 @@
 
 from typing import NotRequired, TypedDict
 
+from irtscots_cl.report.image_types import CameraFacts, ImageFileFacts
+
 
 class DeviceFacts(TypedDict):
     """Where it was traced. devices: each of many. workers: of a Dask cluster, by address."""
@@ -368,4 +370,6 @@ class MeasuredFacts(TypedDict):
     of_bound: AlongAxes
     checks: list[CheckFacts]
     fringes: NotRequired[FringeFacts]
+    images: NotRequired[ImageFileFacts]
+    camera: NotRequired[CameraFacts]
     geometry: NotRequired[GeometryFacts]

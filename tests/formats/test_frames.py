@@ -11,6 +11,7 @@ from irtscots_cl.formats.frames import (
     MAX_FRAME_VALUES,
     check_orientation,
     check_size,
+    exposure_time,
     native,
     natural_key,
     reading,
@@ -78,3 +79,11 @@ def test_sizes_are_checked_against_the_file():
 def test_native_keeps_values():
     image = np.array([[1, 258]], ">u2")
     assert native(image).dtype == np.dtype("=u2") and native(image).tolist() == [[1, 258]]
+
+
+@pytest.mark.parametrize("value, seconds", [
+    (0.5, 0.5), ("0.25", 0.25), ((1, 50), 0.02), (0, None), (-1, None), ((1, 0), None), ("long", None), (None, None),
+    (float("inf"), None), ((1, 2, 3), None),
+])  # fmt: skip
+def test_exposure_times_are_numbers_or_ratios(value, seconds):
+    assert exposure_time(value) == seconds

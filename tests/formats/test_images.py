@@ -51,9 +51,41 @@ def test_other_files_are_left_out_with_a_note(tmp_path):
 def test_a_folder_without_images_is_refused(tmp_path):
     assert "no images among its 0 entries" in refused(tmp_path)
     (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff\xe0")
-    assert "no images among its 1 entries" in refused(tmp_path)
+    said = refused(tmp_path)
+    assert "no images among its 1 entries" in said and "JPEG: its counts are changed by the compression" in said
     assert "no image files" in refused([])
     assert "No such file" in refused(tmp_path / "absent.tif")
+
+
+def test_folders_in_a_folder_are_named_and_can_be_given_in_their_order(tmp_path):
+    """As of a laboratory that has a folder for each axis."""
+    series(tmp_path / "y 2", ramp(4)[2:], name="img_2_{}.tif")
+    series(tmp_path / "x 1", ramp(4)[:2], name="img_1_{}.tif")
+    assert "it has the folders x 1, y 2: name them, in the frames' order" in refused(tmp_path)
+    source = open_frames([tmp_path / "x 1", tmp_path / "y 2"])
+    assert np.array_equal(np.stack(list(source)), ramp(4)) and source.notes == ()
+
+
+def test_names_with_spaces_and_several_numbers_come_in_order(tmp_path):
+    names = [f"img {a}_{b}.tif" for a in (1, 2, 10) for b in (1, 9, 10, 100)]
+    for k in np.random.default_rng(1).permutation(len(names)):
+        (tmp_path / names[k]).write_bytes(tiff([ramp(12)[k].tobytes()], 16))
+    assert np.array_equal(np.stack(list(open_frames(tmp_path))), ramp(12))
+
+
+@pytest.mark.parametrize("kind, left", [("tif", 150), ("tif", 4), ("png", 90), ("png", 20), ("npy", 200), ("tif", 0)])
+def test_a_last_file_that_is_cut_off_is_named(tmp_path, kind, left):
+    """As a disk that is full leaves it: at the latest when it is read."""
+    for k, image in enumerate(ramp(3)):
+        path = tmp_path / f"a {k}.{kind}"
+        if kind == "npy":
+            np.save(path, image)
+        else:
+            path.write_bytes(tiff([image.tobytes()], 16) if kind == "tif" else png(image, 16, 0))
+    path.write_bytes(path.read_bytes()[:left])
+    with pytest.raises(ValueError, match=r"a 2\.") as caught:
+        list(open_frames(tmp_path))
+    assert str(caught.value).isprintable() and ("not a readable" in str(caught.value) or "cut off" in str(caught.value))
 
 
 def test_images_of_two_kinds_in_a_folder_are_refused(tmp_path):
@@ -103,7 +135,8 @@ def test_the_beginning_of_a_file_tells_its_kind(tmp_path):
 
 @pytest.mark.parametrize("data, said", [
     (b"", "0 bytes"), (b"\xff\xd8\xff\xe0", "a JPEG: its counts are changed"), (b"BM12", "a BMP"),
-    (b"\x89HDF\r\n\x1a\n", "an HDF5 file"), (b"\x1f\x8b\x08", "unpack it first"), (b"hello", "begins as none of TIFF"),
+    (b"\x89HDF\r\n\x1a\n", "not a readable HDF5 file"),
+    (b"\x1f\x8b\x08", "unpack it first"), (b"hello", "begins as none of TIFF"),
 ])  # fmt: skip
 def test_what_is_no_image_is_refused(tmp_path, data, said):
     (tmp_path / "a.tif").write_bytes(data)

@@ -190,3 +190,23 @@ def test_broken_bytes_are_read_or_refused_in_one_line(tmp_path, changes):
     for place, value in changes:
         data[place % len(data)] = value
     outcome(open_tiff, tmp_path / "a.tif", bytes(data))
+
+
+@pytest.mark.parametrize("where", ["own", "exif", "none", "differ"])
+def test_the_exposure_is_read_where_all_pages_say_one(tmp_path, where):
+    path = tmp_path / "a.tif"
+    if where == "exif":
+        from PIL import Image
+        from PIL.TiffImagePlugin import IFDRational
+
+        exif = Image.Exif()
+        exif.get_ifd(34665)[33434] = exif_time = IFDRational(1, 50)
+        exif[34665] = {33434: exif_time}  # pillow writes the directory only where both are set
+        Image.fromarray(ramp()[0]).save(path, exif=exif)
+    else:
+        with tifffile.TiffWriter(path) as file:
+            for k, image in enumerate(ramp(2)):
+                time = (1, 50) if where == "own" or k == 0 else (1, 25)
+                file.write(image, extratags=[] if where == "none" else [(33434, 5, 1, time, True)], metadata=None)
+    expected = 0.02 if where in ("own", "exif") else None
+    assert open_tiff(path, ReadOptions()).exposure_s == expected

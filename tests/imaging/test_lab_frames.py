@@ -212,3 +212,12 @@ def test_files_of_a_laboratory_become_a_fringe_stack(tmp_path):
     sums = np.tensordot(np.exp(1j * np.array(steps)), found, 1)
     # 1 count of rounding in each of the four frames, dark and flat, over an amplitude of 1000
     assert np.abs(np.angle(sums * np.exp(-1j * phase))).max() < 2e-3
+
+
+def test_a_mean_s_standard_error_is_that_of_its_scatter():
+    """20000 pixels: their mean square error is known to 1 / sqrt(20000 x 7 / 2) = 0.4 % each, 2 % is 5 sigma."""
+    frames = np.random.default_rng(3).normal(1e6, 3.0, (8, 100, 200))
+    found = mean_frame(frames)
+    assert np.sqrt(np.mean(found.error**2)) == pytest.approx(3 / np.sqrt(8), rel=0.02)
+    assert found.levels == pytest.approx(frames.mean((1, 2)))
+    assert np.isnan(mean_frame(frames[:1]).error).all()
