@@ -6,7 +6,7 @@ and a scale of the expected curve are fitted to the pieces, without those that s
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from skimage.measure import find_contours
@@ -16,17 +16,19 @@ from irtscots_cl.measurement.edge_profile import BLUR, EdgePieces, EdgePixels, f
 from irtscots_cl.measurement.rim_curve import RimCurve
 
 REACH = 3.5  # pixels to each side of the edge, beside the blur
-SIDE_PX = 1.5  # of the picture must be there to each side of the edge
+SIDE_PX = 0.75  # of the picture must be there to each side of the edge
 PIECES = 96  # of a rim: most
-PIECE_PX = 8.0  # length: least
+PIECE_PX = 6.0  # length: least
 LEAST_PIECES = 6
 LEAST_SHARE = 0.3  # of the rim that must be seen
 CONTRAST = 0.25  # of the median step of brightness: pieces with less show no edge
+MIXED = 6.0, 0.05  # times the median error, and pixels: pieces with more have something else beside the edge
 OUTLIER = 5.0  # standard errors
 SAME_EDGE = 0.35  # pixels: pieces that near to the fit are the mirror's, whatever their errors
 COARSE = (0.3, 0.15, 0.06, 0.03)  # of the radius: how far from the curve an edge counts, round by round
 LEAST_PX = 2.0  # the same, at least
 LEAST_RADIUS = 4.0  # pixels: of smaller curves no edge is fitted
+SCALES = 0.5, 2.0  # of the expected size: least and most
 TRIES = 3  # rounds of the fine fit
 
 
@@ -103,6 +105,8 @@ def fit_outline(signal: FloatArray, mask: BoolArray, expected: RimCurve, start: 
         curve, blur = fit.curve, fit.blur_px
         if step < 0.05:
             break
+    if not SCALES[0] < fit.scale < SCALES[1]:
+        raise NoOutlineError(f"the bright region has {fit.scale:.2g} times the size of the expected outline")
     return fit
 
 
@@ -163,6 +167,8 @@ def _fine(signal: FloatArray, expected: RimCurve, curve: RimCurve, blur: float) 
     rises = height[np.nan_to_num(height) > 0]
     clear = pieces.known & (np.nan_to_num(height) > CONTRAST * (np.median(rises) if rises.size else np.inf))
     clear &= np.nan_to_num(np.abs(pieces.offset), nan=np.inf) < REACH + pieces.blur
+    errors = np.nan_to_num(pieces.error, nan=np.inf)
+    clear &= errors < max(MIXED[0] * float(np.median(errors[pieces.known])), MIXED[1])
     design = np.stack([shared @ column for column in _design(curve, np.arange(len(curve.points))).T], -1)
     used, move, covariance, chi_square = _robust(pieces, clear, design)
     if used.sum() < LEAST_PIECES or used.mean() < LEAST_SHARE:
@@ -249,5 +255,7 @@ def _pieces(
     in_picture = (shared @ inside > 0.99) & straight
     found = fit_edges(pixels, count, blur)
     keep = found.known & in_picture
-    maps = (np.where(keep, v, np.nan) for v in (found.offset, found.error, found.height, found.dark))
-    return replace(EdgePieces(*maps, keep, found.blur)), in_picture, shared
+    # a disk blurred by the lens and by the pixels is smaller where it is half as bright
+    offset = found.offset + shared @ curve.curvature * (found.blur**2 + 1 / 12) / 2
+    maps = (np.where(keep, v, np.nan) for v in (offset, found.error, found.height, found.dark))
+    return EdgePieces(*maps, keep, found.blur), in_picture, shared

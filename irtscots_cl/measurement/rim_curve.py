@@ -77,6 +77,14 @@ class RimCurve:
         unit: FloatArray = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
         return unit
 
+    @property
+    def curvature(self) -> FloatArray:
+        """Turn of the normal per pixel [n] at the points; above 0 where the mirror bulges, below 0 around a hole."""
+        ahead = np.roll(self.points, -1, axis=0) - np.roll(self.points, 1, axis=0)
+        turn = np.roll(self.outward, -1, axis=0) - np.roll(self.outward, 1, axis=0)
+        curvature: FloatArray = np.sum(turn * ahead, -1) / np.maximum(np.sum(ahead * ahead, -1), 1e-300)
+        return curvature
+
     @cached_property
     def corner(self) -> BoolArray:
         """Points [n] near which the curve turns so much that no straight edge fits."""
@@ -103,7 +111,10 @@ class RimCurve:
         share = np.where(inside != self.hole, 1.0, 0.0)
         row, column = self.near(shape, 1.5)
         distance, number = self.nearest(np.stack([row, column], -1).astype(float))
-        share[row, column] = edge_share(distance, self.outward[number])
+        half = np.abs(self.outward[number]).sum(-1) / 2  # exactly 1 or 0 beyond it
+        share[row, column] = np.where(
+            np.abs(distance) < half, np.clip(edge_share(distance, self.outward[number]), 0, 1), distance > 0
+        )
         return share
 
     def near(self, shape: tuple[int, int], reach: float) -> tuple[IntArray, IntArray]:
