@@ -51,14 +51,14 @@ class EdgePieces:
     """Pieces of an edge, one value each [n].
 
     offset: pixels from the expected edge to the one found, towards the dark side. error: its standard error, from the
-    noise of the piece's own pixels. height: brightness behind the edge less that before it. known: pieces with enough
-    pixels in the picture; the others are NaN. blur: pixels, of all pieces.
+    noise of the piece's own pixels. height: brightness behind the edge less that before it. noise: rms of the pixels
+    from the fit. known: pieces with enough pixels in the picture; the others are NaN. blur: pixels, of all pieces.
     """
 
     offset: FloatArray = field(repr=False)
     error: FloatArray = field(repr=False)
     height: FloatArray = field(repr=False)
-    dark: FloatArray = field(repr=False)
+    noise: FloatArray = field(repr=False)
     known: BoolArray = field(repr=False)
     blur: float
 
@@ -108,14 +108,13 @@ def fit_edges(pixels: EdgePixels, count: int, blur: float = 0.5) -> EdgePieces:
         blur = float(np.clip(blur + np.clip(by_blur, -STEP, STEP), *BLUR))
     variance = linear.misfit / (weight.sum(1) - UNKNOWNS)
     maps = np.full((4, count), np.nan)
-    maps[:, known] = offset, np.sqrt(variance * linear.inverse), linear.height, linear.dark
+    maps[:, known] = offset, np.sqrt(variance * linear.inverse), linear.height, np.sqrt(variance)
     return EdgePieces(*maps, known, blur)
 
 
 @dataclass(frozen=True)
 class _Linear:
     height: FloatArray
-    dark: FloatArray
     misfit: FloatArray  # sum of squares
     inverse: FloatArray  # of the normal matrix: the offset's own element
 
@@ -140,4 +139,4 @@ def _round(
     good = (left**2).sum(1) <= quiet
     top, bottom = (spread * left)[good].sum(), (spread * spread)[good].sum()
     misfit = (left**2).sum(1)
-    return _Linear(levels[:, 1], levels[:, 0], misfit, inverse), step[:, -1, 0], float(top / max(bottom, 1e-300))
+    return _Linear(levels[:, 1], misfit, inverse), step[:, -1, 0], float(top / max(bottom, 1e-300))

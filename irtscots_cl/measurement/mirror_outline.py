@@ -6,6 +6,7 @@ and a scale of the expected curve are fitted to the pieces, without those that s
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,13 +22,14 @@ PIECES = 96  # of a rim: most
 PIECE_PX = 6.0  # length: least
 LEAST_PIECES = 6
 LEAST_SHARE = 0.3  # of the rim that must be seen
-CONTRAST = 0.25  # of the median step of brightness: pieces with less show no edge
+CONTRAST = 0.2  # of the step from dark to bright pixels: pieces with less show no edge
 MIXED = 6.0, 0.05  # times the median error, and pixels: pieces with more have something else beside the edge
 OUTLIER = 5.0  # standard errors
 SAME_EDGE = 0.35  # pixels: pieces that near to the fit are the mirror's, whatever their errors
 COARSE = (0.3, 0.15, 0.06, 0.03)  # of the radius: how far from the curve an edge counts, round by round
 LEAST_PX = 2.0  # the same, at least
 LEAST_RADIUS = 4.0  # pixels: of smaller curves no edge is fitted
+NEIGHBOURS = 3  # pieces to each side whose noise is taken for a piece's
 SCALES = 0.5, 2.0  # of the expected size: least and most
 TRIES = 3  # rounds of the fine fit
 
@@ -99,8 +101,11 @@ def fit_outline(signal: FloatArray, mask: BoolArray, expected: RimCurve, start: 
     else:
         curve = _coarse(signal, mask, expected)
     blur = 0.5 if start is None else start.blur_px
+    known = np.isfinite(signal)
+    lit, around = signal[mask & known], signal[~mask & known]
+    step_of_light = float(np.median(lit)) - (float(np.median(around)) if around.size else 0.0)
     for _ in range(TRIES):
-        fit = _fine(signal, expected, curve, blur)
+        fit = _fine(signal, expected, curve, blur, step_of_light)
         step = np.abs(fit.curve.points - curve.points).max()
         curve, blur = fit.curve, fit.blur_px
         if step < 0.05:
@@ -158,14 +163,16 @@ def _design(curve: RimCurve, number: np.ndarray) -> FloatArray:
     return np.concatenate([normal, along[:, None]], -1)
 
 
-def _fine(signal: FloatArray, expected: RimCurve, curve: RimCurve, blur: float) -> OutlineFit:
+def _fine(
+    signal: FloatArray, expected: RimCurve, curve: RimCurve, blur: float, step_of_light: float
+) -> OutlineFit:
+    """The pieces of a curve that is near the edge, and the expected curve moved to them."""
     count = int(np.clip(curve.length[-1] / PIECE_PX, LEAST_PIECES, PIECES))
     pieces, in_picture, shared = _pieces(signal, curve, count, blur)
     if not pieces.known.any():
         raise NoOutlineError("no part of the expected rim lies in the picture")
     height = np.where(pieces.known, pieces.height, np.nan)
-    rises = height[np.nan_to_num(height) > 0]
-    clear = pieces.known & (np.nan_to_num(height) > CONTRAST * (np.median(rises) if rises.size else np.inf))
+    clear = pieces.known & (np.nan_to_num(height) > CONTRAST * step_of_light)
     clear &= np.nan_to_num(np.abs(pieces.offset), nan=np.inf) < REACH + pieces.blur
     errors = np.nan_to_num(pieces.error, nan=np.inf)
     clear &= errors < max(MIXED[0] * float(np.median(errors[pieces.known])), MIXED[1])
@@ -193,8 +200,14 @@ def _robust(
     """The pieces that agree, the move that fits them, its covariance, and their chi-square over its freedom."""
     if clear.sum() < LEAST_PIECES:
         return clear, np.zeros(3), np.eye(3), 1.0
-    offset, error = np.nan_to_num(pieces.offset), np.where(clear, pieces.error, np.inf)
-    error = np.maximum(error, 1e-6)
+    offset = np.nan_to_num(pieces.offset)
+    # the noise of neighbours together: that of a single piece would give weight to those that are quiet by chance
+    noise = np.where(clear, pieces.noise, np.nan)
+    near = np.stack([np.roll(noise, k) for k in range(-NEIGHBOURS, NEIGHBOURS + 1)])
+    with np.errstate(invalid="ignore", divide="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of pieces without any neighbour
+        error = pieces.error * np.sqrt(np.nanmean(near**2, axis=0)) / pieces.noise
+    error = np.where(clear, np.maximum(np.nan_to_num(error), 1e-6), np.inf)
     move = np.zeros(3)
     scatter = 1.5
     for _ in range(12):  # Tukey's weights, with a scale that comes down to that of the scatter
@@ -257,5 +270,5 @@ def _pieces(
     keep = found.known & in_picture
     # a disk blurred by the lens and by the pixels is smaller where it is half as bright
     offset = found.offset + shared @ curve.curvature * (found.blur**2 + 1 / 12) / 2
-    maps = (np.where(keep, v, np.nan) for v in (offset, found.error, found.height, found.dark))
+    maps = (np.where(keep, v, np.nan) for v in (offset, found.error, found.height, found.noise))
     return EdgePieces(*maps, keep, found.blur), in_picture, shared

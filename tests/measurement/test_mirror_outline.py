@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mirror_pictures import circle, disk, picture, share
+from mirror_pictures import blurred_disk, circle, disk, picture, share
 from skimage.measure import points_in_poly
 
 from irtscots_cl.measurement.mirror_mask import mirror_mask
@@ -31,16 +31,17 @@ def test_shift_and_size_are_found(blur, shift):
 
 @pytest.mark.parametrize(
     ("pictures", "limits"),
-    [(25, (0.7, 1.3)), pytest.param(150, (0.87, 1.13), marks=pytest.mark.slow)],
+    [(20, (0.65, 1.35)), pytest.param(150, (0.87, 1.13), marks=pytest.mark.slow)],
 )
 @pytest.mark.parametrize(("noise", "photons", "blur"), [(2.0, 0.0, 0.5), (0.5, 0.3, 0.8)])
 def test_error_bars_of_shift_are_those_of_noisy_pictures(noise, photons, blur, pictures, limits):
-    """Two shifts a picture: the pulls' scatter is known to 10 and 4 %: 3 sigma (0.3 %). The seeds are fixed."""
+    """Two shifts a picture: the pulls' scatter is known to 11 and 4 %: 3 sigma (0.3 %). The seeds are fixed."""
     random = np.random.default_rng(3)
     pulls, errors = [], []
     for k in range(pictures):
         shift = random.uniform(-0.5, 0.5, 2)
-        signal = picture(disk(SHAPE, MIDDLE + shift, RADIUS), noise, seed=k, blur=blur, photons=photons)
+        light = blurred_disk(SHAPE, MIDDLE + shift, RADIUS, blur)
+        signal = picture(light, noise, seed=1000 * pictures + k, blur=0.0, photons=photons)
         found = fitted(signal)
         pulls.append((found.shift_px - shift) / found.shift_error_px)
         errors.append(found.shift_px - shift)
@@ -80,7 +81,7 @@ def test_shares_of_pixels_are_those_of_the_outline_found():
     np.testing.assert_allclose(coverage, truth, atol=0.06)
     assert ((coverage == 1) == (truth == 1)).mean() > 0.99
     hole = circle(MIDDLE, 5.0, hole=True).coverage(SHAPE)
-    np.testing.assert_allclose(hole, 1 - disk(SHAPE, MIDDLE, 5.0), atol=0.03)
+    np.testing.assert_allclose(hole, 1 - disk(SHAPE, MIDDLE, 5.0), atol=0.05)
 
 
 def test_a_mirror_larger_than_the_picture_is_found_by_its_sides():

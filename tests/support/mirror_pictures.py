@@ -7,14 +7,27 @@ from scipy.ndimage import gaussian_filter
 
 from irtscots_cl.measurement.rim_curve import RimCurve
 
-PARTS = 8  # of a pixel, each way
+COARSE, FINE = 5, 40  # parts of a pixel, each way: where nothing changes within it, and where the edge crosses it
 
 
 def share(shape, inside) -> np.ndarray:
     """Share [rows, columns] of each pixel where inside(row, column) holds."""
-    step = (np.arange(PARTS) + 0.5) / PARTS - 0.5
     row, column = np.mgrid[: shape[0], : shape[1]].astype(float)
-    return np.mean([inside(row + down, column + right) for down in step for right in step], axis=0)
+    found = _share(row, column, inside, COARSE)
+    padded = np.pad(found, 1, mode="edge")
+    around = np.stack([padded[a : a + shape[0], b : b + shape[1]] for a in range(3) for b in range(3)])
+    edge = (around.max(0) > 0) & (around.min(0) < 1)
+    found[edge] = _share(row[edge], column[edge], inside, FINE)
+    return found
+
+
+def _share(row, column, inside, parts):
+    step = np.linspace(-0.5, 0.5, parts + 1)[:-1] + 0.5 / parts
+    total = np.zeros(row.shape)
+    for down in step:
+        for right in step:
+            total += inside(row + down, column + right)
+    return total / parts**2
 
 
 def disk(shape, centre, radius, hole=0.0, hole_centre=None) -> np.ndarray:
@@ -44,3 +57,11 @@ def picture(on_mirror, noise=1.0, seed=0, *, blur=0.5, light=100.0, dark=10.0, g
     clean = dark + light * on_mirror * (1 - gradient * column / columns) * (1 - gradient / 2 * row / rows)
     clean = gaussian_filter(clean, blur) if blur else clean
     return clean + np.sqrt(noise**2 + photons * clean) * np.random.default_rng(seed).standard_normal(clean.shape)
+
+
+def blurred_disk(shape, centre, radius, blur, parts=16) -> np.ndarray:
+    """Share of each pixel's light that is a disk's, blurred before the pixels count it."""
+    rows, columns = (((np.arange(n * parts) + 0.5) / parts - 0.5) for n in shape)
+    fine = (np.hypot(rows[:, None] - centre[0], columns - centre[1]) <= radius).astype(np.float32)
+    fine = gaussian_filter(fine, blur * parts) if blur else fine
+    return fine.reshape(shape[0], parts, shape[1], parts).mean((1, 3)).astype(float)
