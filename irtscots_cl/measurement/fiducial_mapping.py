@@ -18,7 +18,7 @@ from skimage.measure import ransac
 from skimage.transform import ProjectiveTransform, SimilarityTransform
 
 from irtscots_cl.imaging.mark_files import LEAST_MARKS, Marks, is_straight
-from irtscots_cl.imaging.orientation import CHANGES, combined, stored
+from irtscots_cl.imaging.orientation import CHANGES, combined, stored, upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.fiducials import FoundMark, MarkShape, find_marks
 from irtscots_cl.optics.chief_rays import ChiefRays
@@ -101,12 +101,12 @@ class FiducialMap:
 
     @property
     def scale(self) -> float:
-        return float(1 + self._fit[0][2])
+        return float(np.hypot(1 + self._fit[0][2], self._fit[0][3]))
 
     @property
     def turn_rad(self) -> float:
         """From x towards y."""
-        return float(self._fit[0][3])
+        return float(np.arctan2(self._fit[0][3], 1 + self._fit[0][2]))
 
     @property
     def move_covariance(self) -> FloatArray:
@@ -304,7 +304,7 @@ def _other_orientations(
         new_row, new_column = (stored(grid, word) for grid in _grids(shape, word))
         pixel = np.clip(np.rint(places).astype(int), 0, np.array(shape) - 1)
         part = places - pixel
-        turn = np.array([_part(new_row, word), _part(new_column, word)])
+        turn = np.array([[grid[1, 0] - grid[0, 0], grid[0, 1] - grid[0, 0]] for grid in (new_row, new_column)])
         changed = np.stack([new_row[tuple(pixel.T)], new_column[tuple(pixel.T)]], -1) + part @ turn.T
         fit = len(_matched(expected, kinds, changed, look, [turn @ one.covariance @ turn.T for one in seen]))
         if fit >= LEAST_MARKS and fit > count:
@@ -323,13 +323,6 @@ def _other_orientations(
 
 def _grids(shape: tuple[int, int], word: str) -> tuple[FloatArray, FloatArray]:
     """Rows and columns [new rows, new columns] of the picture changed by a word."""
-    from irtscots_cl.imaging.orientation import upright
-
     size = upright(np.empty(shape, np.bool_), word).shape
     row, column = np.indices(size)
     return row.astype(float), column.astype(float)
-
-
-def _part(grid: FloatArray, word: str) -> list[float]:
-    """Change of a row or column of the changed picture with the row and the column of the one at hand."""
-    return [float(grid[1, 0] - grid[0, 0]), float(grid[0, 1] - grid[0, 0])]
