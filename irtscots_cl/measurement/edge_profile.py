@@ -109,7 +109,7 @@ def fit_edges(pixels: EdgePixels, count: int, blur: float = 0.5) -> EdgePieces:
     variance = linear.misfit / (weight.sum(1) - UNKNOWNS)
     maps = np.full((4, count), np.nan)
     maps[:, known] = offset, np.sqrt(variance * linear.inverse), linear.height, np.sqrt(variance)
-    return EdgePieces(*maps, known, blur)
+    return EdgePieces(maps[0], maps[1], maps[2], maps[3], known, blur)
 
 
 @dataclass(frozen=True)

@@ -141,7 +141,7 @@ def _left(found: FiducialMap) -> Check:
     names = [mark.name for mark, there in zip(found.marks.marks, found.matched, strict=True) if there]
     worst = int(np.argmax(np.hypot(*left.T)))
     text += (
-        f", {names[worst]} {np.hypot(*left[worst]):.3g} mm: the camera's distortion or position, the mirror's shape, or "
-        "the table of marks differs"
+        f", {names[worst]} {np.hypot(*left[worst]):.3g} mm: the camera's distortion or position, the mirror's shape, "
+        "or the table of marks differs"
     )
     return Check("fiducial residual", WARNING, value, limit, 1e-6, text)

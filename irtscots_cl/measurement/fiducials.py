@@ -99,8 +99,8 @@ def find_marks(signal: FloatArray, mirror: BoolArray, shape: MarkShape) -> list[
     width = shape.mark.size_mm / shape.scale
     if width < LEAST_PX:
         raise ValueError(
-            f"mark {shape.mark.name}: size_mm = {shape.mark.size_mm:g}: is {width:.2g} pixels wide in the picture; must "
-            f"be {LEAST_PX:g} ({LEAST_PX * shape.scale:.3g} mm) or more"
+            f"mark {shape.mark.name}: size_mm = {shape.mark.size_mm:g}: is {width:.2g} pixels wide in the picture; "
+            f"must be {LEAST_PX:g} ({LEAST_PX * shape.scale:.3g} mm) or more"
         )
     values = np.where(mirror & np.isfinite(signal), signal, np.median(signal[mirror & np.isfinite(signal)]))
     template = shape.share(*shape.window(), BLUR[0]) * (1.0 if shape.mark.bright else -1.0)
@@ -159,4 +159,4 @@ def _fitted(signal: FloatArray, mirror: BoolArray, shape: MarkShape, row: int, c
     if moved > max(shape.reach_px, 1.5) or not np.isfinite(covariance).all():
         return None
     blur = float(np.clip(np.exp(found.x[2]), BLUR[0] / 3, BLUR[1]))
-    return FoundMark(found.x[:2] + [row, column], covariance[:2, :2], height / around, blur)
+    return FoundMark(found.x[:2] + np.array([row, column]), covariance[:2, :2], height / around, blur)

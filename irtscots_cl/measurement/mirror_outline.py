@@ -129,7 +129,8 @@ def _coarse(signal: FloatArray, mask: BoolArray, expected: RimCurve) -> RimCurve
     size = float(np.clip(np.sqrt(len(row) / abs(expected.area)), 0.7, 1.4))
     starts = [expected]
     if not expected.hole:
-        starts.append(expected.moved(np.array([row.mean(), column.mean()]) - expected.centre, size, expected.centre))
+        middle: FloatArray = np.array([row.mean(), column.mean()], float)
+        starts.append(expected.moved(middle - expected.centre, size, expected.centre))
     found = [_drawn(start, places) for start in starts]
     return max(found, key=lambda curve: _agreement(curve, places))
 
@@ -163,9 +164,7 @@ def _design(curve: RimCurve, number: np.ndarray) -> FloatArray:
     return np.concatenate([normal, along[:, None]], -1)
 
 
-def _fine(
-    signal: FloatArray, expected: RimCurve, curve: RimCurve, blur: float, step_of_light: float
-) -> OutlineFit:
+def _fine(signal: FloatArray, expected: RimCurve, curve: RimCurve, blur: float, step_of_light: float) -> OutlineFit:
     """The pieces of a curve that is near the edge, and the expected curve moved to them."""
     count = int(np.clip(curve.length[-1] / PIECE_PX, LEAST_PIECES, PIECES))
     pieces, in_picture, shared = _pieces(signal, curve, count, blur)
@@ -237,13 +236,11 @@ def _floor(left: FloatArray, error: FloatArray) -> float:
 
 def _solved(design: FloatArray, values: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
     normal = design.T @ (weight[:, None] * design)
-    inverse = np.linalg.pinv(normal, hermitian=True)
+    inverse: FloatArray = np.asarray(np.linalg.pinv(normal, hermitian=True), float)
     return inverse @ (design.T @ (weight * values)), inverse
 
 
-def _pieces(
-    signal: FloatArray, curve: RimCurve, count: int, blur: float
-) -> tuple[EdgePieces, BoolArray, FloatArray]:
+def _pieces(signal: FloatArray, curve: RimCurve, count: int, blur: float) -> tuple[EdgePieces, BoolArray, FloatArray]:
     """The edge in pieces of the curve; which of them lie in the picture; shares [pieces, points] of the points."""
     reach = REACH + 2 * min(blur, BLUR[1])
     if curve.radius_px < 2 * reach:
@@ -270,5 +267,5 @@ def _pieces(
     keep = found.known & in_picture
     # a disk blurred by the lens and by the pixels is smaller where it is half as bright
     offset = found.offset + shared @ curve.curvature * (found.blur**2 + 1 / 12) / 2
-    maps = (np.where(keep, v, np.nan) for v in (offset, found.error, found.height, found.noise))
-    return EdgePieces(*maps, keep, found.blur), in_picture, shared
+    offset, error, height, noise = (np.where(keep, v, np.nan) for v in (offset, found.error, found.height, found.noise))
+    return EdgePieces(offset, error, height, noise, keep, found.blur), in_picture, shared

@@ -1,4 +1,4 @@
-"""The mirror in a picture against its design: rim and hole, each pixel's share on the mirror, and what is in the way."""
+"""The mirror in a picture against its design: rim and hole, each pixel's share on it, and what is in the way."""
 
 from __future__ import annotations
 
@@ -68,9 +68,7 @@ class MirrorOutline:
         return np.asarray((self.coverage > 0) & (self.coverage < WHOLE))
 
 
-def find_outline(
-    signal: FloatArray, lit: BoolArray, chief: ChiefRays, rim: RimCurve | None = None
-) -> MirrorOutline:
+def find_outline(signal: FloatArray, lit: BoolArray, chief: ChiefRays, rim: RimCurve | None = None) -> MirrorOutline:
     """The mirror of a design in a picture.
 
     signal: [rows, columns] upright, bright on the mirror. lit: bright pixels. rim: the expected outline of a mirror
@@ -153,8 +151,8 @@ def _shape(found: MirrorOutline) -> Check:
     outside = 1 - float(rim.in_picture.mean())
     if hidden > HIDDEN:
         text = (
-            f"{hidden:.0%} of the mirror's rim in the picture shows no edge where it should ({_where(rim, rim.hidden)}):"
-            " something in front of it, another object beside it, or a rim that is not the design's"
+            f"{hidden:.0%} of the mirror's rim in the picture shows no edge where it should ({_where(rim, rim.hidden)})"
+            ": something in front of it, another object beside it, or a rim that is not the design's"
         )
         return Check("outline shape", WARNING, hidden, HIDDEN, 1e-6, text)
     if rim.residual_px > max(SHAPE_PX, 3 * rim.noise_px):
@@ -166,7 +164,7 @@ def _shape(found: MirrorOutline) -> Check:
     if rim.blur_px > SOFT_PX:
         text = f"the mirror's edge is blurred by {rim.blur_px:.2g} pixels: the camera is not in focus there"
         return Check("outline shape", WARNING, rim.blur_px, SOFT_PX, 1e-6, text)
-    more = f"; {outside:.0%} of the rim lies outside the picture" if outside > 0.01 else ""
+    more = f"; {outside:.0%} of the rim is outside the picture or at a corner, not judged" if outside > 0.01 else ""
     text = f"the mirror's edge follows the design's rim to {rim.residual_px:.2g} pixels rms (noise: {rim.noise_px:.2g})"
     return Check("outline shape", OK, rim.residual_px, SHAPE_PX, 1e-6, text + more)
 
@@ -181,7 +179,8 @@ def _where(rim: OutlineFit, pieces: BoolArray) -> str:
 
 def _side(rim: OutlineFit) -> np.ndarray:
     row, column = (rim.place - rim.curve.centre).T
-    return np.rint(np.arctan2(row, column) / (2 * np.pi / len(SIDES))).astype(int) % len(SIDES)
+    side: np.ndarray = np.rint(np.arctan2(row, column) / (2 * np.pi / len(SIDES))).astype(int) % len(SIDES)
+    return side
 
 
 def _hole(found: MirrorOutline, hole: OutlineFit) -> Check:
@@ -200,7 +199,9 @@ def _hole(found: MirrorOutline, hole: OutlineFit) -> Check:
         text = f"the central hole is decentred, {told}: the obscuration is not in the design's place"
         return Check("obscuration", WARNING, size, limit, 1e-6, text)
     if abs(grown) > grown_limit:
-        text = f"the central hole has {hole.scale / rim.scale:.4f} times the design's size: mirror.obscuration_mm differs"
+        text = (
+            f"the central hole has {hole.scale / rim.scale:.4f} times the design's size: mirror.obscuration_mm differs"
+        )
         return Check("obscuration", WARNING, abs(grown), grown_limit, 1e-6, text)
     return Check("obscuration", OK, size, limit, 1e-6, f"the central hole lies {told}")
 
@@ -281,7 +282,9 @@ def _other_light(found: MirrorOutline, lit: BoolArray) -> Check:
     for k, pixels in zip(large[:3], size, strict=False):
         row, column = (float(v.mean()) for v in np.nonzero(numbers == k))
         told.append(f"{pixels} pixels about row {row:.0f}, column {column:.0f}")
-    text = f"{len(large)} bright {'place' if len(large) == 1 else 'places'} beside the mirror: {'; '.join(told)}; not used"
+    text = (
+        f"{len(large)} bright {'place' if len(large) == 1 else 'places'} beside the mirror: {'; '.join(told)}; not used"
+    )
     return Check("other light", WARNING, float(sum(size)), 0.0, 1e-6, text)
 
 

@@ -31,6 +31,13 @@ class ScreenPlaces:
         found: BoolArray = np.isfinite(self.u_mm + self.v_mm + self.u_error_mm + self.v_error_mm) & (errors > 0)
         return found
 
+    def without(self, pixels: BoolArray) -> ScreenPlaces:
+        """The places of the other pixels than these [rows, columns]."""
+        if not pixels.any():
+            return self
+        maps = (self.u_mm, self.v_mm, self.u_error_mm, self.v_error_mm)
+        return ScreenPlaces(*(np.where(pixels, np.nan, values) for values in maps))
+
 
 def surface_from_places(
     places: ScreenPlaces,

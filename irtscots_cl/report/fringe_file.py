@@ -19,8 +19,8 @@ from irtscots_cl.system import interruption
 from irtscots_cl.system.atomic_files import replacing
 
 REASON_UNIT = (
-    "0 used, 1 masked, 2 without fringes, 3 too few samples, 4 order in doubt, 5 series disagree, 6 off the mirror's edge, "
-    "7 fiducial"
+    "0 used, 1 masked, 2 without fringes, 3 too few samples, 4 order in doubt, 5 series disagree, "
+    "6 off the mirror's edge, 7 fiducial"
 )
 Rows = list[tuple[str, np.ndarray, str]]
 
@@ -29,8 +29,8 @@ Rows = list[tuple[str, np.ndarray, str]]
 class FringeMaps:
     """coordinates: of the images as stored. points_mm: [rows, columns, 3] upright, where the pixels' places are in the
     screen's frame. stored: turns an upright map as the images are stored. reason: of the images as stored, why pixels
-    are not used (measurement.fringe_quality.Reason); None: not known. coverage: share of each pixel on the mirror by its
-    outline in the picture, upright; None where no outline was found."""
+    are not used (measurement.fringe_quality.Reason); None: not known. coverage: share of each pixel on the mirror by
+    its outline in the picture, upright; None where no outline was found."""
 
     coordinates: ScreenCoordinates
     points_mm: FloatArray = field(repr=False)

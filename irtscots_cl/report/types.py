@@ -2,6 +2,8 @@
 
 from typing import NotRequired, TypedDict
 
+from irtscots_cl.report.picture_types import FiducialFacts, MaskFacts, OutlineFacts
+
 
 class DeviceFacts(TypedDict):
     """Where it was traced. devices: each of many. workers: of a Dask cluster, by address."""
@@ -369,3 +371,6 @@ class MeasuredFacts(TypedDict):
     checks: list[CheckFacts]
     fringes: NotRequired[FringeFacts]
     geometry: NotRequired[GeometryFacts]
+    mask: NotRequired[MaskFacts]
+    outline: NotRequired[OutlineFacts]
+    fiducials: NotRequired[FiducialFacts]

@@ -51,7 +51,7 @@ def test_error_bars_of_shift_are_those_of_noisy_pictures(noise, photons, blur, p
 
 
 def test_holes_and_polygons():
-    signal = picture(disk(SHAPE, MIDDLE, 16.0, hole=6.0, hole_centre=MIDDLE + [0.6, 0.3]), noise=0.5)
+    signal = picture(disk(SHAPE, MIDDLE, 16.0, hole=6.0, hole_centre=np.add(MIDDLE, [0.6, 0.3])), noise=0.5)
     hole = fitted(signal, circle(MIDDLE, 6.0, hole=True), start=fitted(signal, circle(MIDDLE, 16.0)))
     np.testing.assert_allclose(hole.shift_px, [0.6, 0.3], atol=0.04)
     corners = np.array([[5.3, 7.2], [7.1, 36.4], [33.8, 38.0], [32.2, 5.1]])
@@ -66,7 +66,7 @@ def test_holes_and_polygons():
 
 def test_what_hides_a_part_of_the_rim_moves_nothing():
     """A hand over a seventh of the rim: found as such, the rest to 0.03 pixel."""
-    on_mirror = disk(SHAPE, MIDDLE + [0.3, -0.4], RADIUS)
+    on_mirror = disk(SHAPE, np.add(MIDDLE, [0.3, -0.4]), RADIUS)
     on_mirror[15:25, 28:] = 0
     found = fitted(picture(on_mirror, noise=0.5))
     np.testing.assert_allclose(found.shift_px, [0.3, -0.4], atol=0.05)
@@ -75,7 +75,7 @@ def test_what_hides_a_part_of_the_rim_moves_nothing():
 
 
 def test_shares_of_pixels_are_those_of_the_outline_found():
-    truth = disk(SHAPE, MIDDLE + [0.31, -0.42], RADIUS)
+    truth = disk(SHAPE, np.add(MIDDLE, [0.31, -0.42]), RADIUS)
     found = fitted(picture(truth, noise=0.5))
     coverage = found.curve.coverage(SHAPE)
     np.testing.assert_allclose(coverage, truth, atol=0.06)
@@ -85,7 +85,7 @@ def test_shares_of_pixels_are_those_of_the_outline_found():
 
 
 def test_a_mirror_larger_than_the_picture_is_found_by_its_sides():
-    signal = picture(disk(SHAPE, MIDDLE + [0.2, 0.3], 20.3), noise=0.5)
+    signal = picture(disk(SHAPE, np.add(MIDDLE, [0.2, 0.3]), 20.3), noise=0.5)
     found = fitted(signal, circle(MIDDLE, 20.3))
     np.testing.assert_allclose(found.shift_px, [0.2, 0.3], atol=0.15)  # the top and the bottom are outside
     assert 0.3 < found.seen < 0.7
