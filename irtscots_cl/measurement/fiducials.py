@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import binary_erosion
 from scipy.optimize import least_squares
 from scipy.special import ndtr
 from skimage.feature import match_template, peak_local_max
@@ -21,6 +22,7 @@ from irtscots_cl.system import interruption
 LEAST_PX = 1.2  # width of a mark; smaller ones are seen by a pixel or two
 CORRELATION = 0.55  # of a candidate with its picture
 AROUND_PX = 2.5  # of the fit's window around the mark
+CLEAR_PX = 3  # from the mirror's edge: nearer pixels tell no mark's place
 PARTS = 3  # of a pixel, each way
 BLUR = 0.3, 4.0  # pixels: at the start, and at most
 CERTAIN = 6.0  # standard errors of a mark's contrast
@@ -111,31 +113,37 @@ def find_marks(signal: FloatArray, mirror: BoolArray, shape: MarkShape) -> list[
     apart = max(int(shape.reach_px), 1)
     peaks = peak_local_max(match, min_distance=apart, threshold_abs=CORRELATION, exclude_border=False, num_peaks=MOST)
     found: list[FoundMark] = []
+    clear = binary_erosion(mirror, iterations=CLEAR_PX)  # of the blurred rim, which would draw a mark to it
     for row, column in peaks:
         interruption.check()
-        one = _fitted(signal, mirror, shape, int(row), int(column))
+        one = _fitted(signal, clear, shape, int(row), int(column))
         if one is not None and all(np.hypot(*(one.place_px - o.place_px)) > shape.reach_px for o in found):
             found.append(one)
     return found
 
 
-def _fitted(signal: FloatArray, mirror: BoolArray, shape: MarkShape, row: int, column: int) -> FoundMark | None:
+def _fitted(signal: FloatArray, clear: BoolArray, shape: MarkShape, row: int, column: int) -> FoundMark | None:
     """The mark near a pixel, or None where the picture has none there."""
     down, right = shape.window()
     at = np.stack([down + row, right + column]).astype(int)
     inside = ((at >= 0) & (at < np.array(signal.shape)[:, None, None])).all(0)
-    at, down, right = at[:, inside], down[inside], right[inside]
-    use = mirror[at[0], at[1]] & np.isfinite(signal[at[0], at[1]])
+    at = np.where(inside, at, 0)
+    use = inside & clear[at[0], at[1]] & np.isfinite(signal[at[0], at[1]])
+    use &= np.hypot(down, right) <= shape.reach_px + AROUND_PX + 0.5
+    use &= use[::-1, ::-1]  # a window with one side more would let the other side of a wrong shape move the middle
     at, down, right = at[:, use], down[use], right[use]
     values = signal[at[0], at[1]]
     plain = np.stack([np.ones_like(down), down, right], -1)
     if len(values) < 12:
         return None
-    alone = values - plain @ np.linalg.lstsq(plain, values, rcond=None)[0]
+    level = np.linalg.lstsq(plain, values, rcond=None)[0]
+    alone = values - plain @ level
+    light = np.clip(plain @ level / level[0], 0.5, 2.0) if level[0] > 0 else 1.0  # a mark takes away a share of it
 
     def levels(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
         blur = float(np.clip(np.exp(unknowns[2]), BLUR[0] / 3, BLUR[1]))
-        columns = np.concatenate([plain, shape.share(down - unknowns[0], right - unknowns[1], blur)[:, None]], -1)
+        mark = light * shape.share(down - unknowns[0], right - unknowns[1], blur)
+        columns = np.concatenate([plain, mark[:, None]], -1)
         return columns, np.linalg.lstsq(columns, values, rcond=None)[0]
 
     def left(unknowns: FloatArray) -> FloatArray:

@@ -29,6 +29,7 @@ SAME_EDGE = 0.35  # pixels: pieces that near to the fit are the mirror's, whatev
 COARSE = (0.3, 0.15, 0.06, 0.03)  # of the radius: how far from the curve an edge counts, round by round
 LEAST_PX = 2.0  # the same, at least
 LEAST_RADIUS = 4.0  # pixels: of smaller curves no edge is fitted
+KNOWN = 0.9  # share of a piece's pixels that must have a value
 NEIGHBOURS = 3  # pieces to each side whose noise is taken for a piece's
 SCALES = 0.5, 2.0  # of the expected size: least and most
 TRIES = 3  # rounds of the fine fit
@@ -129,7 +130,7 @@ def _coarse(signal: FloatArray, mask: BoolArray, expected: RimCurve) -> RimCurve
     size = float(np.clip(np.sqrt(len(row) / abs(expected.area)), 0.7, 1.4))
     starts = [expected]
     if not expected.hole:
-        middle: FloatArray = np.array([row.mean(), column.mean()], float)
+        middle = np.array([row.mean(), column.mean()])
         starts.append(expected.moved(middle - expected.centre, size, expected.centre))
     found = [_drawn(start, places) for start in starts]
     return max(found, key=lambda curve: _agreement(curve, places))
@@ -146,7 +147,7 @@ def _drawn(curve: RimCurve, places: FloatArray) -> RimCurve:
                 return curve
             design = _design(curve, number)
             normal = design.T @ (weight[:, None] * design) + 1e-9 * np.eye(3)
-            move = np.linalg.solve(normal, design.T @ (weight * -distance))
+            move: FloatArray = np.asarray(np.linalg.solve(normal, design.T @ (weight * -distance)), float)
             curve = curve.moved(move[:2], float(np.clip(1 + move[2] / curve.radius_px, 0.8, 1.25)), curve.centre)
     return curve
 
@@ -254,16 +255,18 @@ def _pieces(signal: FloatArray, curve: RimCurve, count: int, blur: float) -> tup
     shared[piece_of, np.arange(len(piece_of))] = 1.0
     shared /= np.maximum(shared.sum(1, keepdims=True), 1)
     straight = ~(shared @ curve.corner > 0)
-    use = (np.abs(distance) <= reach) & straight[piece_of[number]] & np.isfinite(signal[row, column])
-    pixels = EdgePixels(
+    near = (np.abs(distance) <= reach) & straight[piece_of[number]]
+    use = near & np.isfinite(signal[row, column])
+    edge = EdgePixels(
         signal[row, column][use], piece_of[number[use]], distance[use], along[number[use]], curve.outward[number[use]]
     )
     # a piece that the picture's border cuts has one side only
     last = np.array(signal.shape) - 1
     ends = np.concatenate([curve.points + curve.outward * SIDE_PX, curve.points - curve.outward * SIDE_PX])
     inside = ((ends >= 0) & (ends <= last)).all(-1).reshape(2, -1).all(0)
-    in_picture = (shared @ inside > 0.99) & straight
-    found = fit_edges(pixels, count, blur)
+    there, wanted = (np.bincount(piece_of[number[pixels]], minlength=count) for pixels in (use, near))
+    in_picture = (shared @ inside > 0.99) & straight & (there >= KNOWN * wanted)
+    found = fit_edges(edge, count, blur)
     keep = found.known & in_picture
     # a disk blurred by the lens and by the pixels is smaller where it is half as bright
     offset = found.offset + shared @ curve.curvature * (found.blur**2 + 1 / 12) / 2

@@ -20,7 +20,7 @@ from irtscots_cl.measurement.harmonics import ResponseTable
 from irtscots_cl.measurement.quality import OK, WARNING, Check
 from irtscots_cl.measurement.rim_curve import RimCurve
 from irtscots_cl.measurement.screen_coordinates import find_mask, screen_coordinates
-from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_places
+from irtscots_cl.measurement.screen_places import ScreenPlaces, check_pixels, surface_from_places
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, add_picture_facts, fringe_facts, write_fringes
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
@@ -88,6 +88,7 @@ def sofast_surface(
     signal = upright(measurement.white.astype(float) - measurement.dark, orientation)
     if setup.scene is not None:
         nominal = Setup(setup.scene.nominal())
+        check_pixels(places, nominal)
         choice = MaskChoice.of(mask, fiducials, setup.scene, orientation)
         picture = look_at_mirror(
             signal, upright(find_mask(stack, largest=False), orientation), nominal.chief_rays,
@@ -170,8 +171,6 @@ def _checks(found: SofastResult, measurement: SofastMeasurement) -> list[Check]:
     checks = [Check("fringes", WARNING, float(len(notes)), 0.0, 0.0, note) for note in notes]
     if not notes:
         checks.append(Check("fringes", OK, 0.0, 0.0, 0.0, "the images are the fringes that the file tells of"))
-    if found.picture is not None:
-        checks += found.picture.checks
     if found.lab is not None:
         start, measured = found.lab.start, measurement.screen_distance_mm
         text = f"the facet's corners lie {start.misfit_px:.2g} pixels rms from those of the outline in the picture"
@@ -183,7 +182,7 @@ def _checks(found: SofastResult, measurement: SofastMeasurement) -> list[Check]:
         bad = share > DISTANCE_SHARE
         text += "; the measured distance, the facet's size or the focal length is wrong" if bad else ""
         checks.append(Check("distance", WARNING if bad else OK, share, DISTANCE_SHARE, 1e-3, text))
-    return checks
+    return checks + ([] if found.picture is None else found.picture.checks)
 
 
 def _geometry_facts(lab: LabScene, folder: SofastFolder, measurement: SofastMeasurement) -> GeometryFacts:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import binary_fill_holes
+from scipy.ndimage import binary_dilation, binary_erosion, binary_fill_holes
 
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.imaging.mark_files import Marks, read_marks
@@ -28,6 +28,7 @@ from irtscots_cl.scene.model import Scene
 
 SURE = 0.4  # share on the mirror by the picture, below which a pixel is left out: half, less what the edge is unsure by
 HALF = 0.5  # share of a pixel on the design's mirror
+BESIDE = 4  # pixels beside a mask in which the mirror's edge is looked for
 SEEN = 0.7  # of the rim: with less, the picture's edge leaves out no pixel
 
 
@@ -97,10 +98,15 @@ def look_at_mirror(
     if choice.use is not None and choice.path is not None:
         check_mask_lies(choice.path, choice.use, design | lit)
     outline, checks = None, []
+    if choice.use is not None:  # what lies beside the mask does not matter, but for the mirror's edge along it
+        inside = binary_erosion(design, iterations=2)
+        asked = choice.use | (binary_dilation(choice.use, iterations=BESIDE) & ~inside)
+        signal, lit = np.where(asked, signal, np.nan), lit & asked
     try:
         outline = find_outline(signal, lit, chief, rim)
     except NoOutlineError as error:
-        checks = [Check("outline shift", WARNING, 0.0, 0.0, 0.0, f"the mirror's outline is not measured: {error}")]
+        level = WARNING if choice.use is None else OK
+        checks = [Check("outline shift", level, 0.0, 0.0, 0.0, f"the mirror's outline is not measured: {error}")]
     found, change, marked = None, None, np.zeros(lit.shape, bool)
     on_marks: list[Check] = []
     if choice.marks is not None:
@@ -113,7 +119,7 @@ def look_at_mirror(
         except MirroredMarksError as error:
             on_marks = [Check("fiducial orientation", ERROR, 1.0, 0.0, 1e-6, str(error))]
     if outline is not None:
-        checks = outline_checks(outline, signal, lit, marked)
+        checks = outline_checks(outline, signal, lit, marked | ~np.isfinite(signal))
     use_edge = outline is not None and choice.how != DESIGN and outline.rim.seen >= SEEN
     off = np.asarray(outline.coverage < SURE) if use_edge and outline is not None else np.zeros(lit.shape, bool)
     counts = _counts(lit, design, outline, choice, marked)

@@ -1,7 +1,5 @@
 """Types of what a picture of the mirror tells, named as in report.json."""
 
-from __future__ import annotations
-
 from typing import Any, NotRequired, TypedDict
 
 

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from scenes import coarse, with_part
 from scipy.ndimage import gaussian_filter
 
+from irtscots_cl.imaging.mark_files import Mark, Marks
+from irtscots_cl.measurement.fiducials import MarkShape
 from irtscots_cl.measurement.rim_curve import RimCurve
+from irtscots_cl.optics.chief_rays import ChiefRays
 
 COARSE, FINE = 5, 40  # parts of a pixel, each way: where nothing changes within it, and where the edge crosses it
 
@@ -65,3 +69,47 @@ def blurred_disk(shape, centre, radius, blur, parts=16) -> np.ndarray:
     fine = (np.hypot(rows[:, None] - centre[0], columns - centre[1]) <= radius).astype(np.float32)
     fine = gaussian_filter(fine, blur * parts) if blur else fine
     return fine.reshape(shape[0], parts, shape[1], parts).mean((1, 3)).astype(float)
+
+
+class Marked:
+    """A coarse off-axis test whose mirror carries marks, seen by a camera of n x n pixels."""
+
+    POINTS = ((-250, 210), (310, 180), (40, -330), (-320, -120), (190, -60), (10, 60), (-60, 330))
+
+    def __init__(self, n=64, diameter_mm=950.0):
+        self.n = n
+        self.scene = with_part(coarse("off-axis", n), "mirror", diameter_mm=diameter_mm)
+        self.chief = ChiefRays(self.scene)
+        self.rim = RimCurve.of_design(self.chief, diameter_mm / 2)
+
+    def marks(self, kind="dot", points=POINTS, size_mm=56.0) -> Marks:
+        names = "ABCDEFGHIJ"
+        return Marks(
+            tuple(
+                Mark(name=names[k], x_mm=float(x), y_mm=float(y), size_mm=size_mm, kind=kind, width_mm=size_mm / 3)
+                for k, (x, y) in enumerate(points)
+            ),
+            "marks.toml",
+        )
+
+    def mm_per_px(self, place) -> np.ndarray:
+        steps = np.array([[0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]]) + place
+        x, y = self.chief.reverse(*steps.T)[0][:, :2].T
+        return np.array([[x[0] - x[1], x[2] - x[3]], [y[0] - y[1], y[2] - y[3]]])
+
+    def region(self, shift=(0.0, 0.0)) -> np.ndarray:
+        return self.rim.moved(np.array(shift), 1.0, self.rim.centre).coverage((self.n, self.n)) > 0
+
+    def light(self, marks, shift=(0.0, 0.0), turn=0.0, scale=1.0, without=(), moved=None) -> np.ndarray:
+        """Share of each pixel that is mirror and no mark. shift: pixels. moved: mm by a mark's number."""
+        share_of = disk((self.n, self.n), self.rim.centre + shift, self.rim.radius_px)
+        for k, mark in enumerate(marks.marks):
+            if k in without:
+                continue
+            x, y = np.array([mark.x_mm, mark.y_mm]) + np.array((moved or {}).get(k, (0, 0)))
+            x, y = scale * (np.cos(turn) * x - np.sin(turn) * y), scale * (np.sin(turn) * x + np.cos(turn) * y)
+            at = np.array(self.chief.pixel(x, y)).ravel() + shift
+            shape = MarkShape(mark, self.mm_per_px(at))
+            near = share((self.n, self.n), lambda r, c, s=shape, p=at: s.depth_px(r - p[0], c - p[1]) > 0)
+            share_of = share_of * (1 - near)
+        return share_of
