@@ -59,13 +59,30 @@ class MarkShape:
         offsets = np.stack([row, column], -1) @ self.mm_per_px.T
         if self.mark.kind == "dot":
             return (self.mark.size_mm / 2 - np.hypot(offsets[..., 0], offsets[..., 1])) / self.scale
-        turn = np.radians(self.mark.turn_deg)
-        along = offsets @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-        u, v = np.abs(along[..., 0]), np.abs(along[..., 1])
-        half, arm = self.mark.size_mm / 2, self.mark.arm_mm / 2
-        bars = [np.minimum(half - a, arm - b) for a, b in ((u, v), (v, u))]
-        depth: FloatArray = np.maximum(*bars) / self.scale
+        u, v, half, arm = self._along(row, column)
+        bars = [np.minimum(half - np.abs(a), arm - np.abs(b)) for a, b in ((u, v), (v, u))]
+        depth: FloatArray = np.maximum(*bars)
         return depth
+
+    def _along(self, row: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray, float, float]:
+        """Places along a cross's arms, half their length, half their width; all in pixels."""
+        turn = np.radians(self.mark.turn_deg)
+        along = np.stack([row, column], -1) @ self.mm_per_px.T / self.scale
+        along = along @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        return along[..., 0], along[..., 1], self.reach_px, self.mark.arm_mm / 2 / self.scale
+
+    def _blurred(self, row: FloatArray, column: FloatArray, blur: float) -> FloatArray:
+        """The mark's light at places, blurred: of a cross exactly, of a dot as if its edge were straight."""
+        if self.mark.kind == "dot":
+            disk: FloatArray = ndtr(self.depth_px(row, column) / blur)
+            return disk
+        u, v, half, arm = self._along(row, column)
+
+        def bar(place: FloatArray, side: float) -> FloatArray:
+            between: FloatArray = ndtr((place + side) / blur) - ndtr((place - side) / blur)
+            return between
+
+        return bar(u, half) * bar(v, arm) + bar(u, arm) * bar(v, half) - bar(u, arm) * bar(v, arm)
 
     def share(self, row: FloatArray, column: FloatArray, blur: float) -> FloatArray:
         """How much of the mark pixels at places about its middle see."""
@@ -73,7 +90,7 @@ class MarkShape:
         total = np.zeros(np.shape(row))
         for down in steps:
             for right in steps:
-                total += ndtr(self.depth_px(row + down, column + right) / blur)
+                total += self._blurred(row + down, column + right, blur)
         return total / PARTS**2
 
     def window(self) -> tuple[FloatArray, FloatArray]:

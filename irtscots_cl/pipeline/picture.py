@@ -115,6 +115,8 @@ def look_at_mirror(
             found = map_fiducials(signal, mirror, chief, choice.marks)
             change = suggested_change(found, chief)
             marked = found.covered(lit.shape)
+            if outline is not None:  # again, without the marks beside the rim
+                outline = find_outline(np.where(marked, np.nan, signal), lit, chief, rim)
             on_marks = fiducial_checks(found, change)
         except MirroredMarksError as error:
             on_marks = [Check("fiducial orientation", ERROR, 1.0, 0.0, 1e-6, str(error))]

@@ -35,8 +35,9 @@ def test_marks_are_found_to_a_fraction_of_a_pixel(kind, blur):
     signal = picture(LAB.light(LAB.marks(kind, size_mm=SIZES[kind])), noise=0.0, blur=blur)
     found = found_in(signal, kind)
     assert len(found) == len(LAB.POINTS)
-    for place, k in zip(true_places(), nearest(found, true_places()), strict=True):
-        assert np.abs(found[k].place_px - place).max() < 0.05
+    errors = [found[k].place_px - place for place, k in zip(true_places(), nearest(found, true_places()), strict=True)]
+    assert np.abs(errors).max() < 0.06  # of marks beside the rim, which have a part of their surroundings only
+    assert np.abs(np.mean(errors, axis=0)).max() < 0.03
 
 
 def test_bright_marks():
