@@ -68,23 +68,29 @@ class MirrorOutline:
         return np.asarray((self.coverage > 0) & (self.coverage < WHOLE))
 
 
-def find_outline(signal: FloatArray, lit: BoolArray, chief: ChiefRays, rim: RimCurve | None = None) -> MirrorOutline:
+def find_outline(
+    signal: FloatArray,
+    lit: BoolArray,
+    chief: ChiefRays,
+    rim: RimCurve | None = None,
+    start: MirrorOutline | None = None,
+) -> MirrorOutline:
     """The mirror of a design in a picture.
 
     signal: [rows, columns] upright, bright on the mirror. lit: bright pixels. rim: the expected outline of a mirror
-    that is no round disk. Raises NoOutlineError.
+    that is no round disk. start: an outline found before, to begin at. Raises NoOutlineError.
     """
     surface, hole, why = chief.surface, None, ""
     expected = RimCurve.of_design(chief, surface.aperture_radius_mm) if rim is None else rim
     if len(expected.points) < len(expected.outward):
         raise NoOutlineError("the design's rim lies behind the camera")
-    found = fit_outline(signal, lit, expected)
+    found = fit_outline(signal, lit, expected, None if start is None else start.rim)
     if rim is None and surface.obscuration_radius_mm > 0:
         inner = RimCurve.of_design(chief, surface.obscuration_radius_mm, hole=True)
         try:
             if inner.radius_px < LEAST_RADIUS:
                 raise NoOutlineError(f"the hole is {2 * inner.radius_px:.2g} pixels wide")
-            hole = fit_outline(signal, lit, inner)
+            hole = fit_outline(signal, lit, inner, None if start is None else start.hole)
         except NoOutlineError as error:
             why = str(error)
             hole = None

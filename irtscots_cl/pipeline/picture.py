@@ -116,7 +116,7 @@ def look_at_mirror(
             change = suggested_change(found, chief)
             marked = found.covered(lit.shape)
             if outline is not None:  # again, without the marks beside the rim
-                outline = find_outline(np.where(marked, np.nan, signal), lit, chief, rim)
+                outline = find_outline(np.where(marked, np.nan, signal), lit, chief, rim, outline)
             on_marks = fiducial_checks(found, change)
         except MirroredMarksError as error:
             on_marks = [Check("fiducial orientation", ERROR, 1.0, 0.0, 1e-6, str(error))]

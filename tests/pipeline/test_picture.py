@@ -59,6 +59,7 @@ def with_marks(lab, shift=(0.0, 0.0)):
     return replace(lab, frames=np.clip(np.rint(counts), 0, 4095).astype(np.uint16))
 
 
+@pytest.mark.slow
 def test_a_simulated_mirror_lies_where_its_design_has_it(lab, measured, tmp_path):
     code, facts, err = measured(lab)
     assert (code, err) == (0, "")
