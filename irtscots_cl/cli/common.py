@@ -53,8 +53,8 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="preset name (see `irtscots scenes`) or path of a TOML file")
 
 
-def add_usable_samples(parser: argparse.ArgumentParser) -> None:
-    """Which samples of a laboratory's images may be used."""
+def add_usable_samples(parser: argparse.ArgumentParser, choices: bool = False) -> None:
+    """Which samples of a laboratory's images may be used. choices: whether --mask takes "auto" and "design", too."""
     parser.add_argument(
         "--saturation",
         type=float,
@@ -66,8 +66,13 @@ def add_usable_samples(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--mask",
         type=Path,
-        metavar="FILE",
-        help="picture (PNG, TIFF), NPY array or HDF5 file with a dataset `mask`, of the images' size and lying as they "
+        metavar="auto|design|FILE" if choices else "FILE",
+        help=(
+            "auto: pixels with light, by the histogram's valley (default); design: those in the design's rim; FILE: "
+            if choices
+            else ""
+        )
+        + "picture (PNG, TIFF), NPY array or HDF5 file with a dataset `mask`, of the images' size and lying as they "
         "do: pixels where it is 0 are not used",
     )
 

@@ -78,7 +78,14 @@ def _add_image_choices(parser: argparse.ArgumentParser) -> None:
         help="paper and fine: least part of a light curve's peak that counts for its centroid, 0 to below 1; "
         "default 0. It cuts off light too, which moves the centroids",
     )
-    add_usable_samples(parser)
+    add_usable_samples(parser, choices=True)
+    parser.add_argument(
+        "--fiducials",
+        type=Path,
+        metavar="FILE",
+        help="TOML or CSV table of marks on the mirror (name, x_mm, y_mm, size_mm, kind: dot or cross): they are "
+        "looked for in the picture of the mirror, tell the mapping error, and their pixels are not used",
+    )
 
 
 def _execute(options: argparse.Namespace) -> int:
@@ -131,7 +138,7 @@ def _fringes(options: argparse.Namespace) -> int:
     with made_folder(folder):
         facts = measure_fringes(
             options.images, scene, folder, manifest=options.manifest, strict=options.strict, zernike=options.zernike,
-            camera=camera_of(options), mask=options.mask
+            camera=camera_of(options), mask=options.mask, fiducials=options.fiducials
         )  # fmt: skip
     return _tell(options, facts, folder)
 
@@ -161,7 +168,7 @@ def _sofast(options: argparse.Namespace) -> int:
     with made_folder(folder):
         facts = measure_sofast(
             options.images, setup, folder, strict=options.strict, zernike=options.zernike, saturation=saturation,
-            mask=options.mask
+            mask=options.mask, fiducials=options.fiducials
         )  # fmt: skip
     return _tell(options, facts, folder)
 
@@ -182,17 +189,13 @@ def _line_scans(options: argparse.Namespace) -> int:
     if (folder / "result.h5").resolve() == options.images.resolve():
         raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
     images = read_images(options.images, scene).saturating_at(options.saturation)
-    use = None
-    if options.mask is not None:
-        from irtscots_cl.imaging.mask_files import read_mask
+    from irtscots_cl.pipeline.picture import MaskChoice
 
-        columns, rows = scene.camera.detector.pixels
-        use = read_mask(options.mask, (rows, columns), scene.camera.detector.orientation)
+    choice = MaskChoice.of(options.mask, options.fiducials, scene, scene.camera.detector.orientation)
     with made_folder(folder):
         facts = measure(
             images, scene.nominal(), folder, options.threshold, how, strict=options.strict,
-            source=str(options.images), zernike=options.zernike, use=use,
-            camera=camera_of(options),
+            source=str(options.images), zernike=options.zernike, choice=choice, camera=camera_of(options),
         )  # fmt: skip
     return _tell(options, facts, folder)
 
@@ -200,6 +203,7 @@ def _line_scans(options: argparse.Namespace) -> int:
 def _tell(options: argparse.Namespace, facts: MeasuredFacts, folder: Path) -> int:
     from irtscots_cl.report.fringe_tables import fringe_tables
     from irtscots_cl.report.image_tables import image_tables
+    from irtscots_cl.report.picture import picture_tables
     from irtscots_cl.report.tables import cautions, measured_tables
     from irtscots_cl.system.atomic_files import plain
 
@@ -209,6 +213,7 @@ def _tell(options: argparse.Namespace, facts: MeasuredFacts, folder: Path) -> in
     if options.json:
         print_json(plain(facts))
     else:
-        print_tables(measured_tables(facts) + fringe_tables(facts) + image_tables(facts))
+        tables = measured_tables(facts) + fringe_tables(facts) + picture_tables(facts) + image_tables(facts)
+        print_tables(tables)
         print(f"results in {folder}")
     return 0

@@ -7,13 +7,15 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from irtscots_cl.imaging.orientation import stored_shape, upright
+from irtscots_cl.imaging.orientation import CHANGES, stored_shape, upright
 from irtscots_cl.maths.arrays import BoolArray
 
 PICTURES = (".png", ".tif", ".tiff", ".bmp", ".pgm", ".gif")
 HDF5 = (".h5", ".hdf5", ".hdf")
 KINDS = f"must be a picture ({', '.join(PICTURES[:3])}), an array (.npy), or an HDF5 file with a dataset `mask`"
 DATASET = "mask"
+AUTO, DESIGN = "auto", "design"  # in the place of a file: by the images' light, by the design's rim
+OFF = 0.2, 0.05  # share of a mask's pixels off the mirror: beyond it as it lies, below it as it should lie
 MAX_VALUES = 2**28  # of any array that is read: larger ones are no mask of a detector
 
 
@@ -46,6 +48,30 @@ def read_mask(path: Path, shape: tuple[int, int], orientation: str = "upright") 
         raise ValueError(f"--mask = {str(path)!r}: is 0 everywhere: no pixel would be used; must be 1 where they are")
     use: BoolArray = np.ascontiguousarray(upright(values != 0, orientation))
     return use
+
+
+def mask_file(choice: Path | None) -> Path | None:
+    """The file of a choice; None for AUTO, DESIGN, and no choice."""
+    return None if choice is None or str(choice) in (AUTO, DESIGN) else choice
+
+
+def check_mask_lies(path: Path, use: BoolArray, mirror: BoolArray) -> None:
+    """Raise ValueError, in one line, for a mask that lies otherwise than the images do.
+
+    use: what the file says. mirror: pixels that the mirror may be seen in; both [rows, columns] as the images lie. A
+    mask of a round mirror in the middle lies the same in all ways.
+    """
+    off = {
+        word: float(np.count_nonzero(turned & ~mirror) / np.count_nonzero(turned))
+        for word in CHANGES
+        if (turned := upright(use, word)).shape == mirror.shape
+    }
+    word = min(off, key=lambda word: off[word])
+    if off["upright"] > OFF[0] and off[word] < OFF[1]:
+        raise ValueError(
+            f"--mask = {str(path)!r}: {off['upright']:.0%} of its pixels are off the mirror, with {CHANGES[word]} "
+            f"{off[word]:.0%}: must lie as the images do"
+        )
 
 
 def picture_values(path: Path, what: str) -> np.ndarray:

@@ -41,7 +41,9 @@ class Reason(IntEnum):
     SATURATED = 3  # too few samples are left of a series
     ORDER = 4  # which fringe it sees is in doubt
     DISAGREE = 5  # its series tell different places: light from elsewhere, motion, an edge
-    BAD = 6  # of the camera: by the map of bad pixels, dead or saturated in the flat frames
+    EDGE = 6  # less than half of it is on the mirror, by the outline in the picture
+    MARK = 7  # it sees a fiducial
+    BAD = 8  # of the camera: by the map of bad pixels, dead or saturated in the flat frames
 
 
 REASONS = {
@@ -50,6 +52,8 @@ REASONS = {
     Reason.SATURATED: "with too few samples, saturated or missing",
     Reason.ORDER: "with a fringe order in doubt",
     Reason.DISAGREE: "whose series disagree",
+    Reason.EDGE: "off the mirror's edge in the picture",
+    Reason.MARK: "on fiducials",
     Reason.BAD: "bad by the camera's map or flat frames",
 }
 
@@ -72,10 +76,16 @@ class Exclusions:
 
 
 def exclusions(
-    found: ScreenCoordinates, lit: BoolArray, use: BoolArray | None = None, bad: BoolArray | None = None
+    found: ScreenCoordinates,
+    lit: BoolArray,
+    use: BoolArray | None = None,
+    *,
+    edge: BoolArray | None = None,
+    marks: BoolArray | None = None,
+    bad: BoolArray | None = None,
 ) -> Exclusions:
-    """The reason for every pixel. lit: those that see fringes. use: those that may be used; None: all. bad: of the
-    camera; None: none."""
+    """The reason for every pixel. lit: those that see fringes. use: those that may be used; None: all. edge: those off
+    the mirror by its outline. marks: those that see a fiducial. bad: of the camera; None: none."""
     reason = np.where(lit, Reason.USED, Reason.DARK)
     for one in found.axes.values():
         freedom = np.maximum(np.isfinite(one.phase_rad).sum(0) - 1, 0)
@@ -88,6 +98,10 @@ def exclusions(
             )
         for kind, wrong in tests:
             reason[(reason == Reason.USED) & wrong] = kind
+    if edge is not None:
+        reason[edge & ((reason == Reason.USED) | (reason == Reason.DISAGREE))] = Reason.EDGE
+    if marks is not None:
+        reason[marks] = Reason.MARK
     if bad is not None:
         reason[bad] = Reason.BAD
     if use is not None:
@@ -169,7 +183,7 @@ def check_pixels(counts: Mapping[str, int]) -> Check:
     """Whether enough of the mirror's pixels are used. counts: by reason."""
     named = {reason: counts[reason.name.lower()] for reason in REASONS}
     masked = named.pop(Reason.MASKED)
-    whole = sum(counts.values()) - masked
+    whole = sum(counts.values()) - masked - named[Reason.MARK]
     share = counts["used"] / max(whole, 1)
     told = ", ".join(f"{n} {REASONS[reason]}" for reason, n in named.items() if n)
     told += f"{', ' if told and masked else ''}{f'{masked} masked' if masked else ''}"

@@ -117,13 +117,15 @@ def screen_coordinates(
 
 
 def find_mask(stack: FringeStack, largest: bool = True) -> BoolArray:
-    """The pixels that see the mirror: from white less dark where there are such images, else from the amplitudes.
+    """The pixels that see the mirror, by their mirror_signal. largest: see mirror_mask."""
+    return mirror_mask(mirror_signal(stack), largest)
 
-    largest: see mirror_mask.
-    """
+
+def mirror_signal(stack: FringeStack) -> FloatArray:
+    """How bright the pixels [rows, columns] are in the screen's light: white less dark where there are such images,
+    else the least amplitude of both axes' lowest series."""
     if stack.white is not None:
-        signal = np.asarray(stack.white, float) - (0.0 if stack.dark is None else np.asarray(stack.dark, float))
-        return mirror_mask(signal, largest)
+        return np.asarray(stack.white, float) - (0.0 if stack.dark is None else np.asarray(stack.dark, float))
     weakest = np.full(stack.shape[0] * stack.shape[1], np.inf)
     for number, fringes in enumerate(stack.sets):
         lowest = int(np.argmin(fringes.periods))
@@ -134,7 +136,7 @@ def find_mask(stack: FringeStack, largest: bool = True) -> BoolArray:
                     amplitude = fit_sinusoid(flat[:, part], np.asarray(steps), stack.saturation).amplitude
                     weakest[part] = np.fmin(weakest[part], amplitude)
     weakest[~np.isfinite(weakest)] = np.nan
-    return mirror_mask(weakest.reshape(stack.shape), largest)
+    return weakest.reshape(stack.shape)
 
 
 def _parts(count: int) -> list[slice]:

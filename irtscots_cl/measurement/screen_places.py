@@ -31,6 +31,13 @@ class ScreenPlaces:
         found: BoolArray = np.isfinite(self.u_mm + self.v_mm + self.u_error_mm + self.v_error_mm) & (errors > 0)
         return found
 
+    def without(self, pixels: BoolArray) -> ScreenPlaces:
+        """The places of the other pixels than these [rows, columns]."""
+        if not pixels.any():
+            return self
+        maps = (self.u_mm, self.v_mm, self.u_error_mm, self.v_error_mm)
+        return ScreenPlaces(*(np.where(pixels, np.nan, values) for values in maps))
+
 
 def surface_from_places(
     places: ScreenPlaces,
@@ -50,7 +57,7 @@ def surface_from_places(
     not have the detector's pixels or fewer than MIN_PIXELS of them can be used.
     """
     setup = Setup.of(nominal)
-    _check_pixels(places, setup)
+    check_pixels(places, setup)
     points, on_mirror = _design(setup, aperture, min_coverage)
     on_mirror = on_mirror if mirror is None else on_mirror & mirror
     mask = on_mirror & places.known
@@ -68,7 +75,7 @@ def surface_from_places(
     return reconstruction_of(setup, points, on_mirror, mask, (centroid[0], centroid[1]), method, pixel_average, **found)
 
 
-def _check_pixels(places: ScreenPlaces, setup: Setup) -> None:
+def check_pixels(places: ScreenPlaces, setup: Setup) -> None:
     """Raise ValueError if the maps do not have the detector's pixels."""
     wanted, found = setup.chief_rays.shape, places.u_mm.shape
     if found != wanted:

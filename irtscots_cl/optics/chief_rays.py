@@ -101,6 +101,16 @@ class ChiefRays:
         points[behind] = np.nan
         return points, *self.screen_model.arrive(points, outgoing)
 
+    def pixel(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray]:
+        """Fractional (row, column) of the pixels whose chief rays meet the surface at points of the mirror: what
+        `reverse` undoes. NaN behind the camera."""
+        camera, frame = self.camera_model, self.camera_frame
+        points = np.stack(np.broadcast_arrays(x_mm, y_mm, self.surface.sag(x_mm, y_mm)), -1)
+        along = (points - frame.position_mm) @ frame.axes.T
+        with np.errstate(invalid="ignore", divide="ignore"):
+            scale = np.where(along[..., 2] < 0, -camera.image_distance_mm / along[..., 2], np.nan)
+            return camera.pixel(along[..., 0] * scale, along[..., 1] * scale)
+
     @cached_property
     def wanted(self) -> np.ndarray:
         """Pixels [rows, columns] that are looked at: all, unless `every` says otherwise."""

@@ -47,12 +47,7 @@ class PixelMap:
 
     def _pixel(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray]:
         """Fractional row and column of the pixel whose chief ray meets the design at a point."""
-        camera, frame = self.design.camera_model, self.design.camera_frame
-        points = np.stack([x_mm, y_mm, self.design.surface.sag(x_mm, y_mm)], -1)
-        along = (points - frame.position_mm) @ frame.axes.T
-        with np.errstate(invalid="ignore", divide="ignore"):
-            scale = -camera.image_distance_mm / along[..., 2]
-            return camera.pixel(along[..., 0] * scale, along[..., 1] * scale)
+        return self.design.pixel(x_mm, y_mm)
 
     def _at(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
         place = np.nan_to_num(np.stack([row, column]))

@@ -15,6 +15,7 @@ from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
+from irtscots_cl.pipeline.picture import MirrorPicture, add_facts
 from irtscots_cl.report.fringe_file import FringeMaps, write_fringe_result
 from irtscots_cl.report.types import FringeFacts, MeasuredFacts
 from irtscots_cl.system.atomic_files import write_json, write_text
@@ -25,11 +26,12 @@ FRINGES = "fringes"  # the name of the measure
 @dataclass(frozen=True)
 class FringeResult:
     """A mirror measured by fringes. coordinates: of the images as stored. reason: why pixels [rows, columns] as stored
-    are not used (fringe_quality.Reason), None where it was not asked."""
+    are not used (fringe_quality.Reason), None where it was not asked. picture: outline and fiducials, if looked for."""
 
     result: Reconstruction
     coordinates: ScreenCoordinates
     reason: IntArray | None = field(default=None, repr=False, kw_only=True)
+    picture: MirrorPicture | None = field(default=None, repr=False, kw_only=True)
 
     def stored(self, maps: Any) -> Any:
         """Upright maps as the images are stored."""
@@ -49,6 +51,12 @@ def fringe_facts(found: FringeResult) -> FringeFacts:
     }
 
 
+def add_picture_facts(facts: MeasuredFacts, found: FringeResult) -> None:
+    """Add what the picture of the mirror tells to the facts."""
+    if found.picture is not None:
+        add_facts(facts, found.picture)
+
+
 def _median(values: np.ndarray) -> float:
     return float(np.median(values)) if values.size else float("nan")
 
@@ -64,7 +72,10 @@ def write_fringes(
     in_frame = (
         points.to_world(result.centroid_x_mm, result.centroid_y_mm) - points.frame.position_mm
     ) @ points.frame.axes.T
-    maps = FringeMaps(found.coordinates, in_frame, found.stored, found.reason)
+    outline = None if found.picture is None else found.picture.outline
+    maps = FringeMaps(
+        found.coordinates, in_frame, found.stored, found.reason, None if outline is None else outline.coverage
+    )
     common = {
         "scene": result.nominal.to_toml(),
         "measure": FRINGES,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -10,7 +11,6 @@ import numpy as np
 from irtscots_cl.analysis.comparison import HEIGHT_TERMS
 from irtscots_cl.imaging.camera_files import CameraFiles
 from irtscots_cl.imaging.image_stack import ImageStack
-from irtscots_cl.maths.arrays import BoolArray
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.coefficients import check_kind, coefficients
 from irtscots_cl.measurement.error_bars import ErrorBars, error_bars
@@ -25,6 +25,7 @@ from irtscots_cl.measurement.scan_estimates import estimate_centroids
 from irtscots_cl.measurement.screen_places import PLACES
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
+from irtscots_cl.pipeline.picture import MaskChoice, MirrorPicture, add_facts, picture_of_scans
 from irtscots_cl.report.quality import check_facts, fit_facts, island_facts, misfit_facts, quality_checks
 from irtscots_cl.report.result_file import write_result
 from irtscots_cl.report.types import AlongAxes, HeightErrors, MeasuredFacts, Refused
@@ -51,28 +52,34 @@ def measure(
     strict: bool = False,
     source: str = "images",
     zernike: str = "circular",
-    use: BoolArray | None = None,
+    choice: MaskChoice | None = None,
     camera: CameraFiles | None = None,
 ) -> MeasuredFacts:
     """Measure a mirror from images alone, without a truth to compare with.
 
     how: a name of methods.MEASURES. strict: refuse doubtful images, too. source: the images' file, for messages.
-    zernike: kind of the terms that are fitted, of coefficients.KINDS. use: detector pixels [rows, columns] that may be
-    used; None: all. camera: what is known about the camera that the images come from. Writes result.h5 and figures into
-    the folder and returns the main facts, named as in report.json. Raises RefusedImagesError if a check says that the
-    images are wrong, ValueError if they do not fit the scene or cannot be measured.
+    zernike: kind of the terms that are fitted, of coefficients.KINDS. choice: of the pixels that may be used, and of
+    marks on the mirror. camera: what is known about the camera that the images come from. Writes result.h5 and figures
+    into the folder and returns the main facts, named as in report.json. Raises RefusedImagesError if a check says that
+    the images are wrong, ValueError if they do not fit the scene or cannot be measured.
     """
     from irtscots_cl.report.figures import write_figures
 
     check_kind(zernike)
     try:
+        choice = choice or MaskChoice()
         known = _calibrated(stack, nominal, camera)
         before = [] if known is None else known.checks
         refuse_bad(before, strict)
         if known is not None:
-            stack, use = known.stack, known.usable(use)
-        result, stack, bars, checks = _measured(stack, Setup(nominal), threshold, how, strict, use)
+            stack, choice = known.stack, replace(choice, use=known.usable(choice.use))
+        setup = Setup(nominal)
+        stack = with_all_lines(stack, nominal)
+        stack = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
+        result, bars, picture, checks = _measured(stack, setup, threshold, how, strict, choice)
         facts = measured_facts(result, how, bars, before + checks, zernike)
+        if picture is not None:
+            add_facts(facts, picture)
         if known is not None:
             facts["camera"] = known.facts
         refuse_bad(checks, strict)
@@ -96,15 +103,21 @@ def _calibrated(stack: ImageStack, nominal: Scene, camera: CameraFiles | None) -
 
 
 def _measured(
-    stack: ImageStack, setup: Setup, threshold: float, how: str, strict: bool, use: BoolArray | None
-) -> tuple[Reconstruction, ImageStack, ErrorBars | None, list[Check]]:
-    """The surface, the images with their ceiling, error bars and checks."""
-    stack = with_all_lines(stack, setup.scene)
-    whole = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
-    stack = whole if use is None else whole.masked(use)
+    stack: ImageStack, setup: Setup, threshold: float, how: str, strict: bool, choice: MaskChoice
+) -> tuple[Reconstruction, ErrorBars | None, MirrorPicture | None, list[Check]]:
+    """The surface, error bars, what the picture of the mirror tells, and checks. stack: with its ceiling."""
+    if choice.use is not None:
+        stack = stack.masked(choice.use)
+    picture = picture_of_scans(stack, setup.chief_rays, choice)
+    if picture is not None:
+        on_mirror = setup.chief_rays.footprint.coverage >= 0.5
+        if (picture.off_edge & on_mirror | picture.on_mark).any():
+            stack = stack.masked(~(picture.off_edge | picture.on_mark))
     estimates = estimate_centroids(stack, setup, BEST)
     interruption.check()
     checks = check_images(stack, setup, estimates)
+    refuse_bad(checks, strict)
+    checks += [] if picture is None else picture.checks
     refuse_bad(checks, strict)
     try:
         result = measure_by(how, stack, setup, threshold, estimates)
@@ -116,7 +129,7 @@ def _measured(
         doubts = "".join(f"; {check.name}: {check.text}" for check in checks if check.level == WARNING)
         raise ValueError(f"{error}{doubts}") from None
     refuse_bad(checks, strict)
-    return result, whole, bars, checks
+    return result, bars, picture, checks
 
 
 def refuse_bad(checks: list[Check], strict: bool) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 from irtscots_cl.imaging.camera_files import CameraFiles
 from irtscots_cl.imaging.fringe_images import open_fringe_images
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
-from irtscots_cl.imaging.mask_files import read_mask
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.coefficients import check_kind
@@ -28,15 +27,17 @@ from irtscots_cl.measurement.fringe_quality import (
     check_saturation,
     exclusions,
 )
+from irtscots_cl.measurement.mirror_mask import mirror_mask
 from irtscots_cl.measurement.quality import WARNING, Check
 from irtscots_cl.measurement.reconstruction import design_points
-from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, find_mask, screen_coordinates
+from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, mirror_signal, screen_coordinates
 from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_places
 from irtscots_cl.measurement.unwrapping import MARGIN
 from irtscots_cl.optics.setup import Setup
-from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, fringe_facts, write_fringes
+from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, add_picture_facts, fringe_facts, write_fringes
 from irtscots_cl.pipeline.lab_camera import RecordedImages, image_facts, recorded_images
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
+from irtscots_cl.pipeline.picture import MaskChoice, look_at_mirror
 from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
@@ -56,24 +57,24 @@ def measure_fringes(
     zernike: str = "circular",
     camera: CameraFiles | None = None,
     mask: Path | None = None,
+    fiducials: Path | None = None,
 ) -> MeasuredFacts:
     """Measure a mirror from images of fringes. Writes result.h5, report.json, scene.toml and figures into the folder
     and returns the main facts, named as in report.json.
 
     paths, manifest: see open_fringe_images. scene: only its design is used. strict: refuse doubtful images, too.
     zernike: kind of the terms that are fitted. camera: what is known about the camera, in place of what the manifest
-    says. mask: file of the pixels that may be used, lying as the images do. Raises RefusedImagesError if a check says
-    that the images are wrong, ValueError if they do not fit the scene or its manifest.
+    says. mask: "auto" (None), "design", or the file of the pixels that may be used, lying as the images do. fiducials:
+    table of marks on the mirror. Raises RefusedImagesError if a check says that the images are wrong, ValueError if
+    they do not fit the scene, its manifest, or the tables.
     """
     check_kind(zernike)
     nominal = scene.nominal()
     images = open_fringe_images(paths, nominal, manifest, camera)
-    detector = nominal.camera.detector
-    columns, rows = detector.pixels
-    use = None if mask is None else stored(read_mask(mask, (rows, columns), detector.orientation), detector.orientation)
+    choice = MaskChoice.of(mask, fiducials, nominal, nominal.camera.detector.orientation)
     try:
         recorded = recorded_images(images)
-        found, checks = fringe_surface(recorded, Setup(nominal), strict, use)
+        found, checks = fringe_surface(recorded, Setup(nominal), strict, choice)
         bars = error_bars(found.result)
         assert bars is not None and found.reason is not None
         facts = measured_facts(found.result, FRINGES, bars, checks, zernike)
@@ -87,6 +88,7 @@ def measure_fringes(
     facts["images"] = image_facts(images.recorded, recorded.ceiling)
     if recorded.lab is not None:
         facts["camera"] = recorded.lab.facts
+    add_picture_facts(facts, found)
     screen = "from 0 at the screen's -x (-y) edge to 1 at its +x (+y) edge"
     write_fringes(folder, found, facts, bars, {"screen fractions": screen})
     return facts
@@ -96,12 +98,11 @@ def fringe_surface(
     recorded: RecordedImages,
     setup: Setup,
     strict: bool = False,
-    use: BoolArray | None = None,
+    choice: MaskChoice | None = None,
 ) -> tuple[FringeResult, list[Check]]:
     """The surface, and the checks of its images.
 
-    use: pixels [rows, columns] of the images as stored that may be used; None: all. Raises RefusedImagesError,
-    ValueError.
+    choice: of the pixels that may be used. Raises RefusedImagesError, ValueError.
     """
     images, checks = recorded.images, list(recorded.checks)
     refuse_bad(checks, strict)
@@ -110,8 +111,15 @@ def fringe_surface(
         checks.append(check_mosaic(stack.white - (0.0 if stack.dark is None else stack.dark)))
     orientation = setup.scene.camera.detector.orientation
     on_mirror = setup.chief_rays.footprint.coverage >= COVERAGE
-    lit = find_mask(stack, largest=False)
-    mask = lit if use is None else lit & use
+    signal = mirror_signal(stack)
+    lit = mirror_mask(signal, largest=False)
+    picture = look_at_mirror(
+        upright(signal, orientation), upright(lit, orientation), setup.chief_rays, on_mirror, choice or MaskChoice()
+    )
+    checks += picture.checks
+    refuse_bad(checks, False)  # marks that are mirrored; warnings wait for the other checks
+    masks = picture.masks(upright(lit, orientation), on_mirror, orientation)
+    mask = masks["lit"] if masks["use"] is None else masks["lit"] & masks["use"]
     design = _design_fractions(setup, stack)
     found = screen_coordinates(stack, mask=mask, prior=_prior(stack, design))
     interruption.check()
@@ -122,13 +130,13 @@ def fringe_surface(
     )
     refuse_bad(checks, strict)
     checks += check_notes(found) + _prior_note(stack)
-    why = exclusions(found, lit, use, recorded.bad)
+    why = exclusions(found, **masks, bad=recorded.bad)
     clipping = on_mirror if recorded.bad is None else on_mirror & ~upright(recorded.bad, orientation)
     checks.append(check_saturation(found, stored(clipping, orientation), recorded.ceiling))
     checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
     refuse_bad(checks, strict)
     found, phases = places_of_light(found, setup, images.manifest.levels)
-    why = exclusions(found, lit, use, recorded.bad)
+    why = exclusions(found, **masks, bad=recorded.bad)
     used = upright(why.used, orientation)
     checks += check_light(found, phases, setup, used & on_mirror)
     checks.append(check_pixels(why.counts(stored(on_mirror, orientation))))
@@ -136,7 +144,7 @@ def fringe_surface(
     result = surface_from_places(
         _places(found, setup, used), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
     )
-    return FringeResult(result, found, reason=why.reason), checks
+    return FringeResult(result, found, reason=why.reason, picture=picture), checks
 
 
 def _design_fractions(setup: Setup, stack: FringeStack) -> dict[str, FloatArray]:

@@ -11,18 +11,20 @@ from skimage.draw import polygon2mask
 from irtscots_cl.calibration.lab_scene import ORIENTATION, LabScene, lab_scene, mirror_start, places_of_fractions
 from irtscots_cl.formats.sofast import SofastMeasurement, read_sofast_measurement, read_sofast_response
 from irtscots_cl.formats.sofast_setup import SofastFolder, read_sofast_folder
-from irtscots_cl.imaging.mask_files import read_mask
+from irtscots_cl.imaging.mask_files import DESIGN, mask_file, read_mask
 from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.imaging.sofast_fringes import sofast_fringes
-from irtscots_cl.maths.arrays import BoolArray
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.harmonics import ResponseTable
 from irtscots_cl.measurement.quality import OK, WARNING, Check
+from irtscots_cl.measurement.rim_curve import RimCurve
 from irtscots_cl.measurement.screen_coordinates import find_mask, screen_coordinates
-from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_places
-from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, fringe_facts, write_fringes
+from irtscots_cl.measurement.screen_places import ScreenPlaces, check_pixels, surface_from_places
+from irtscots_cl.optics.setup import Setup
+from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, add_picture_facts, fringe_facts, write_fringes
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
+from irtscots_cl.pipeline.picture import HALF, MaskChoice, look_at_mirror
 from irtscots_cl.report.quality import check_facts
 from irtscots_cl.report.types import GeometryFacts, MeasuredFacts
 from irtscots_cl.scene.model import Scene
@@ -64,14 +66,17 @@ def sofast_surface(
     measurement: SofastMeasurement,
     setup: SofastSetup,
     saturation: float | None = None,
-    use: BoolArray | None = None,
+    mask: Path | None = None,
+    fiducials: Path | None = None,
 ) -> SofastResult:
-    """The surface of a SOFAST measurement. use: pixels [rows, columns] of the images that may be used; None: all.
+    """The surface of a SOFAST measurement. mask, fiducials: as of measure_sofast.
 
     Raises ValueError where images, files and scene do not fit.
     """
     stack = sofast_fringes(measurement, saturation)
-    mirror = find_mask(stack)
+    path = mask_file(mask)
+    use = None if path is None else read_mask(path, measurement.white.shape)
+    mirror = np.ones(stack.shape, bool) if mask is not None and str(mask) == DESIGN else find_mask(stack)
     coordinates = screen_coordinates(stack, mask=mirror if use is None else mirror & use, response=setup.response)
     interruption.check()
     orientation = ORIENTATION if setup.scene is None else setup.scene.camera.detector.orientation
@@ -80,16 +85,33 @@ def sofast_surface(
     u_mm, v_mm = places_of_fractions(size, *(upright(one.fraction, orientation) for one in axes))
     errors = [upright(one.standard_error, orientation) * width for one, width in zip(axes, size, strict=True)]
     places = ScreenPlaces(u_mm, v_mm, *errors)
+    signal = upright(measurement.white.astype(float) - measurement.dark, orientation)
     if setup.scene is not None:
-        return SofastResult(surface_from_places(places, setup.scene.nominal()), coordinates, None)
+        nominal = Setup(setup.scene.nominal())
+        check_pixels(places, nominal)
+        choice = MaskChoice.of(mask, fiducials, setup.scene, orientation)
+        picture = look_at_mirror(
+            signal, upright(find_mask(stack, largest=False), orientation), nominal.chief_rays,
+            nominal.chief_rays.footprint.coverage >= HALF, choice,
+        )  # fmt: skip
+        result = surface_from_places(places.without(picture.off_edge | picture.on_mark), nominal)
+        return SofastResult(result, coordinates, None, picture=picture)
     assert setup.folder is not None
     given = measurement.screen_distance_mm, measurement.point_mm
-    signal = upright(measurement.white.astype(float) - measurement.dark, orientation)
-    start = mirror_start(setup.folder, *given, signal, upright(mirror, orientation))
+    start = mirror_start(setup.folder, *given, signal, upright(find_mask(stack), orientation))
     lab = lab_scene(setup.folder, start, *given, places.known, u_mm, v_mm, measurement.name)
     interruption.check()
     facet = polygon2mask(u_mm.shape, start.corners_px)
-    return SofastResult(surface_from_places(places, lab.scene, aperture=False, mirror=facet), coordinates, lab)
+    scene = Setup(lab.scene)
+    lit = upright(find_mask(stack, largest=False), orientation)
+    corners = setup.folder.facet.corners_mm
+    radius = float(np.hypot(*(corners - setup.folder.facet.centre_mm)[:, :2].T).max())
+    choice = MaskChoice.of(mask, fiducials, lab.scene, orientation, radius)
+    rim = RimCurve.of_polygon(start.corners_px)
+    picture = look_at_mirror(signal, lit, scene.chief_rays, facet, choice, rim)
+    places = places.without(picture.off_edge | picture.on_mark)
+    result = surface_from_places(places, scene, aperture=False, mirror=facet)
+    return SofastResult(result, coordinates, lab, picture=picture)
 
 
 def measure_sofast(
@@ -101,19 +123,20 @@ def measure_sofast(
     zernike: str = "circular",
     saturation: float | None = None,
     mask: Path | None = None,
+    fiducials: Path | None = None,
 ) -> MeasuredFacts:
     """Measure a mirror from a SOFAST measurement's file. Writes result.h5, report.json, scene.toml and figures into the
     folder and returns the main facts, named as in report.json.
 
     strict: refuse doubtful images, too. zernike: kind of the terms that are fitted. saturation: of the camera's pixels.
-    mask: file of the pixels that may be used, lying as the images do.
+    mask: "auto" (None), "design", or the file of the pixels that may be used, lying as the images do. fiducials: table
+    of marks on the mirror.
     Raises RefusedImagesError if a check says that the images are wrong, ValueError if they do not fit the set-up.
     """
     check_kind(zernike)
     measurement = read_sofast_measurement(path)
-    use = None if mask is None else read_mask(mask, measurement.white.shape)
     try:
-        found = sofast_surface(measurement, setup, saturation, use)
+        found = sofast_surface(measurement, setup, saturation, mask, fiducials)
         bars = error_bars(found.result)
         assert bars is not None
         checks = _checks(found, measurement)
@@ -126,6 +149,7 @@ def measure_sofast(
         kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
         raise kind(f"{path}: {error}") from None
     facts["fringes"] = fringe_facts(found)
+    add_picture_facts(facts, found)
     if found.lab is not None and setup.folder is not None:
         facts["geometry"] = _geometry_facts(found.lab, setup.folder, measurement)
     write_fringes(folder, found, facts, bars, {"screen fractions": "as SOFAST's display files have them"})
@@ -158,7 +182,7 @@ def _checks(found: SofastResult, measurement: SofastMeasurement) -> list[Check]:
         bad = share > DISTANCE_SHARE
         text += "; the measured distance, the facet's size or the focal length is wrong" if bad else ""
         checks.append(Check("distance", WARNING if bad else OK, share, DISTANCE_SHARE, 1e-3, text))
-    return checks
+    return checks + ([] if found.picture is None else found.picture.checks)
 
 
 def _geometry_facts(lab: LabScene, folder: SofastFolder, measurement: SofastMeasurement) -> GeometryFacts:

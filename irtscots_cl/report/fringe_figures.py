@@ -57,7 +57,7 @@ def quality_figure(coordinates: ScreenCoordinates, result: Reconstruction, reaso
         "standard error of the place, fraction": np.fmax.reduce([one.standard_error for one in axes]),
     }
     if reason is not None:
-        maps["not used: 1 masked, 2 dark, 3 samples, 4 order, 5 disagree"] = reason.astype(float)
+        maps["not used: 1 masked, 2 dark, 3 samples, 4 order, 5 disagree, 6 edge, 7 mark"] = reason.astype(float)
     return _maps_figure(maps, coordinates, result, (2, 4))
 
 

@@ -18,7 +18,10 @@ from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates
 from irtscots_cl.system import interruption
 from irtscots_cl.system.atomic_files import replacing
 
-REASON_UNIT = "0 used, 1 masked, 2 without fringes, 3 too few samples, 4 order in doubt, 5 series disagree"
+REASON_UNIT = (
+    "0 used, 1 masked, 2 without fringes, 3 too few samples, 4 order in doubt, 5 series disagree, "
+    "6 off the mirror's edge, 7 fiducial"
+)
 Rows = list[tuple[str, np.ndarray, str]]
 
 
@@ -26,12 +29,14 @@ Rows = list[tuple[str, np.ndarray, str]]
 class FringeMaps:
     """coordinates: of the images as stored. points_mm: [rows, columns, 3] upright, where the pixels' places are in the
     screen's frame. stored: turns an upright map as the images are stored. reason: of the images as stored, why pixels
-    are not used (measurement.fringe_quality.Reason); None: not known."""
+    are not used (measurement.fringe_quality.Reason); None: not known. coverage: share of each pixel on the mirror by
+    its outline in the picture, upright; None where no outline was found."""
 
     coordinates: ScreenCoordinates
     points_mm: FloatArray = field(repr=False)
     stored: Callable[[Any], Any] = field(repr=False)
     reason: IntArray | None = field(default=None, repr=False)
+    coverage: FloatArray | None = field(default=None, repr=False)
 
 
 def write_fringe_result(
@@ -40,6 +45,8 @@ def write_fringe_result(
     """Write result.h5: places on the screen, as fractions and in mm, modulation, mirror points, slopes and height, all
     [rows, columns] as the images are stored, with standard errors. attributes: of the file."""
     upright = [*_screen(maps, result), *_surface(result, bars)]
+    if maps.coverage is not None:
+        upright.append(("outline/coverage", maps.coverage.astype(np.float32), "1"))
     why: Rows = [] if maps.reason is None else [("excluded", maps.reason.astype(np.uint8), REASON_UNIT)]
     rows = [*why, *_fringes(maps.coordinates), *((name, maps.stored(values), unit) for name, values, unit in upright)]
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:

@@ -3,6 +3,7 @@
 from typing import NotRequired, TypedDict
 
 from irtscots_cl.report.image_types import CameraFacts, ImageFileFacts
+from irtscots_cl.report.picture_types import FiducialFacts, MaskFacts, OutlineFacts
 
 
 class DeviceFacts(TypedDict):
@@ -373,3 +374,6 @@ class MeasuredFacts(TypedDict):
     images: NotRequired[ImageFileFacts]
     camera: NotRequired[CameraFacts]
     geometry: NotRequired[GeometryFacts]
+    mask: NotRequired[MaskFacts]
+    outline: NotRequired[OutlineFacts]
+    fiducials: NotRequired[FiducialFacts]

@@ -14,6 +14,7 @@ from noisy_images import Images, images_of, setup_of, small
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.measurement.quality import ERROR, OK, WARNING
 from irtscots_cl.pipeline.measure import RefusedImagesError, measure
+from irtscots_cl.pipeline.picture import MaskChoice
 
 SCENE = small(25)
 NOMINAL = SCENE.nominal()
@@ -132,10 +133,10 @@ def test_only_pixels_of_the_mask_are_measured_and_what_is_beside_them_does_not_m
     """Rubbish beside the mask: brighter light, of other lines. Without the mask it is refused or doubted."""
     good, use = images(), half_mask()
     spoilt = good.each(lambda a: np.where(use, a, 1.3 * np.roll(a, 4, axis=0)))
-    facts = measure(spoilt.stack(), NOMINAL, tmp_path, use=use)
+    facts = measure(spoilt.stack(), NOMINAL, tmp_path, choice=MaskChoice("file", use))
     assert facts["light_curves_refused"]["empty"] == 0  # pixels beside the mask are not refused, they are not asked
     assert failed(facts).keys() <= {"zernike terms"}  # a part of the mirror does not separate them all
-    alone = measure(good.stack(), NOMINAL, tmp_path / "good", use=use)
+    alone = measure(good.stack(), NOMINAL, tmp_path / "good", choice=MaskChoice("file", use))
     assert alone["deviation_nm_rms"] == facts["deviation_nm_rms"]
     with h5py.File(tmp_path / "result.h5") as file:
         mask = file["mask"][()]
@@ -147,7 +148,7 @@ def test_only_pixels_of_the_mask_are_measured_and_what_is_beside_them_does_not_m
 
 def test_a_mask_of_another_shape_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"a mask of \(24, 25\) .* does not fit images of \(25, 25\)"):
-        measure(images().stack(), NOMINAL, tmp_path, use=half_mask()[1:])
+        measure(images().stack(), NOMINAL, tmp_path, choice=MaskChoice("file", half_mask()[1:]))
 
 
 @pytest.mark.parametrize("orientation", ["upright", "rows-reversed", "quarter-turn"])
