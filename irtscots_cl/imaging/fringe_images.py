@@ -33,12 +33,13 @@ class FringeImages:
         return FringeStack(
             self.manifest.sets,
             self.frames.part(self.manifest.order),
-            self._mean(DARK),
-            self._mean(WHITE),
+            self.mean(DARK),
+            self.mean(WHITE),
             self.frames.saturation if saturation is None else saturation,
         )
 
-    def _mean(self, shows: str) -> FloatArray | None:
+    def mean(self, shows: str) -> FloatArray | None:
+        """The mean [rows, columns] of the frames that show this, as stored; None without any."""
         numbers = self.manifest.numbers(shows)
         return mean_frame(self.frames.part(numbers)).mean if numbers else None
 

@@ -48,6 +48,13 @@ MEASURED = ({FRINGES}, {GRAY}, {GRAY, FRINGES}, {LINE}, {DOTS}, {PICTURE})  # wh
 _KEYS = ("kind", "version", "scene", "screen_pixels", "bits", "first_row", "first_column", "images", "ends", "reverse",
          "frames")  # fmt: skip
 _MAX_BYTES = 2**22
+_ABOUT = {  # comments of a manifest on what its frames show
+    FRINGES: "# Fringes show 1/2 + 1/2 cos(2 pi periods s - step) of the full range; s grows from 0 at the -x (-y) edge of\n"
+    "# the pixel grid to 1 at its +x (+y) edge.",
+    LINE: "# A line begins first_px pixels from the screen's -x (-y) edge; pixels that it covers in part are grey.",
+    GRAY: "# Plane `bit` of a Gray code, 0 the coarsest, of so many cells over the screen, counted from its -x (-y) edge.",
+    DOTS: "# first_px: centre of the first dot, in pixels from the screen's -x and -y edge.",
+}
 
 
 @dataclass(frozen=True)
@@ -112,11 +119,10 @@ def manifest_text(manifest: FringeManifest, version: str) -> str:
     """A manifest as TOML, to be read by people as well. version: of this package."""
     columns, rows = manifest.screen_pixels
     lines = [
-        "# Fringes on a screen: the frames in the order in which they are shown and recorded, a line each.",
+        "# Patterns on a screen: the frames in the order in which they are shown and recorded, a line each.",
         "# picture: PNG to show, pixel for pixel. Its first row is the screen's +y edge, its first column the +x edge:",
         "# the top and the left for who stands at the mirror and looks at a screen whose y points up.",
-        "# Fringes show 1/2 + 1/2 cos(2 pi periods s - step) of the full range; s grows from 0 at the -x (-y) edge of",
-        "# the pixel grid to 1 at its +x (+y) edge.",
+        *(_ABOUT[shows] for shows in sorted(manifest.content & set(_ABOUT))),
         "#",
         "# Put the camera's images into the folder named by `images`, by name in the order of the frames:",
         f"# then `irtscots reconstruct {NAME} --scene SCENE`. Or replace `images` by other names or a list of them,",

@@ -19,11 +19,10 @@ from irtscots_cl.imaging.fringes import FringeSet
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates, places_of_phases
+from irtscots_cl.measurement.shown_light import shown_light
 from irtscots_cl.measurement.unwrapping import phase_floor
 from irtscots_cl.optics.setup import Setup
-from irtscots_cl.system import interruption
 
-AT_ONCE = 2**20  # values of the light on the screen's lines
 LEAST = 0.02  # of the light's modulation, below which its phase says nothing
 SAMPLE = 8000  # pixels
 
@@ -47,39 +46,19 @@ def light_phases(
     """
     light, screen = setup.pixel_light, setup.scene.screen
     k = "xy".index(fringes.axis)
-    output, pitch, count = "uv"[k], screen.pitch_xy_mm[k], screen.pixels[k]
-    own = light.means(output)[0]
+    pitch, count = screen.pitch_xy_mm[k], screen.pixels[k]
     centre = place_mm.ravel()[light.pixels]
-    known = light.valid() & np.isfinite(own) & np.isfinite(centre)
-    moved = np.where(known, centre - own, 0.0)
-    middle, half = light.extent(output)
-    known &= np.isfinite(middle) & np.isfinite(half)
-    start_mm = -count * pitch / 2 + screen.centre_offset_mm[k]
-    first = np.floor((np.where(known, middle + moved - half, 0.0) - start_mm) / pitch) - 1
-    most = int(np.ceil(2 * half[known].max(initial=0.0) / pitch)) + 3
     fractions = fringes.pixel_fractions(count)
     shown = _screen_lines(fringes, fractions, levels, gamma)  # [kinds, series, lines]
-    sums = np.zeros((*shown.shape[:2], len(centre)), complex)
-    whole = np.zeros(len(centre))
-    step = max(1, AT_ONCE // max(len(centre), 1))
-    for begin in range(0, most, step):
-        interruption.check()
-        lines = first[:, None] + begin + np.arange(min(step, most - begin) + 1)
-        share = light.light(output, start_mm + pitch * lines - moved[:, None])
-        number = lines[:, :-1]
-        on_screen = (number >= 0) & (number < count)
-        share = np.where(on_screen & known[:, None], share, 0.0)
-        number = np.clip(number, 0, count - 1).astype(int)
-        whole += share.sum(1)
-        for kind, series in np.ndindex(shown.shape[:2]):
-            sums[kind, series] += (share * shown[kind, series][number]).sum(1)
+    means = shown_light(setup, fringes.axis, shown.reshape(-1, count), centre).reshape(*shown.shape[:2], -1)
+    start_mm = -count * pitch / 2 + screen.centre_offset_mm[k]
     at = ((centre - start_mm) / pitch - 0.5) * (fractions[1] - fractions[0]) + fractions[0]
     turn = np.exp(-2j * math.pi * np.array(fringes.periods)[:, None] * at)
     with np.errstate(invalid="ignore", divide="ignore"):
-        relative = np.where(known & (whole > 0), sums[0] * turn / whole, np.nan)
+        relative = means[0] * turn
         difference = np.angle(relative)
         if levels:
-            difference = difference + np.angle(sums[2] / sums[1])
+            difference = difference + np.angle(means[2] / means[1])
     difference *= -1 if fringes.reverse else 1
     difference[~(np.abs(relative) > LEAST)] = np.nan
     return LightPhases(*(_on_grid(v, light.pixels, place_mm.shape) for v in (difference, np.abs(relative))))

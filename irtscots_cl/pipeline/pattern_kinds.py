@@ -17,7 +17,6 @@ from irtscots_cl.imaging.shown_frames import PICTURE, ShownFrame
 from irtscots_cl.pipeline.show import fringe_sets, usual_light
 from irtscots_cl.scene.model import Scene
 
-KINDS = ("sinusoid", "lines", "gray", "gray-phase", "dots", "pictures")
 DOT_ROOM = 1.3  # least distance of dots over the widths of a dot and of a pixel's light together
 LEAST_DOT = 2.0  # pixels, of a dot's diameter
 DOT_SHARE = 0.4  # of the width of a pixel's light: a dot's diameter
