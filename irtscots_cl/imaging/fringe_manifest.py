@@ -21,6 +21,7 @@ from typing import Any
 
 from irtscots_cl.formats.images import SUFFIXES, natural_order
 from irtscots_cl.imaging.fringes import FringeSet
+from irtscots_cl.imaging.gray_code import gray_sets
 from irtscots_cl.imaging.sequences import fringe_series, in_order
 from irtscots_cl.imaging.shown_frames import (
     DARK,
@@ -209,7 +210,15 @@ def _check_content(manifest: FringeManifest) -> None:
         raise ValueError(
             f"frames: show {told_of}: must be fringes, lines, a Gray code, a Gray code and fringes, dots, or pictures"
         )
-    _ = manifest.sets  # which checks them
+    sets = {one.axis: one for one in manifest.sets}  # which checks them
+    for axis, (code, _) in gray_sets(manifest.frames).items():
+        if sets and (manifest.reverse or manifest.ends != "edges"):
+            raise ValueError('reverse, ends: must be left out with a Gray code: [] and "edges"')
+        if axis in sets and (len(sets[axis].periods) > 1 or sets[axis].periods[0] != code.cells):
+            raise ValueError(
+                f"frames: {axis} fringes of {', '.join(f'{p:g}' for p in sets[axis].periods)} periods and a Gray code of "
+                f"{code.cells:g} cells: must be one number of periods, equal to that of cells"
+            )
     for shows in sorted(manifest.content & {FRINGES, LINE, GRAY}):
         axes = {frame.axis for frame in manifest.frames if frame.shows == shows}
         if axes != {"x", "y"}:

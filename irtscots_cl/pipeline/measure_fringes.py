@@ -11,6 +11,7 @@ from irtscots_cl.imaging.fringe_images import FringeImages, open_fringe_images
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.imaging.mask_files import read_mask
 from irtscots_cl.imaging.orientation import stored, upright
+from irtscots_cl.imaging.shown_frames import GRAY
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
@@ -109,20 +110,28 @@ def fringe_surface(
     lit = find_mask(stack, largest=False)
     mask = lit if use is None else lit & use
     design = _design_fractions(setup, stack)
-    found = screen_coordinates(stack, mask=mask, prior=_prior(stack, design))
+    prior = _prior(stack, design)
+    found = screen_coordinates(stack, mask=mask, prior=prior)
     interruption.check()
+    coded = bool(images.manifest.numbers(GRAY))
+    if coded:
+        from irtscots_cl.pipeline.gray_orders import gray_orders  # few fringes come with a Gray code
+
+        found, more = gray_orders(images, found, setup, ceiling)
+        checks += more
+        refuse_bad(checks, strict)
     shown = frames_shown(stack, found, design)
     frames = images.manifest.frames
     checks.append(
         check_frames(shown, lambda k: images.name(images.of_stack(k)), lambda k: frames[images.of_stack(k)].text)
     )
     refuse_bad(checks, strict)
-    checks += check_notes(found) + _prior_note(stack)
+    checks += check_notes(found) + ([] if coded else _prior_note(stack))
     why = exclusions(found, lit, use)
     checks.append(check_saturation(found, stored(on_mirror, orientation), ceiling))
     checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
     refuse_bad(checks, strict)
-    found, phases = places_of_light(found, setup, images.manifest.levels)
+    found, phases = places_of_light(found, setup, images.manifest.levels, keep_orders=bool(prior))
     why = exclusions(found, lit, use)
     used = upright(why.used, orientation)
     checks += check_light(found, phases, setup, used & on_mirror)
