@@ -109,6 +109,20 @@ def gray_shares(images: GrayImages, noise: FrameNoise | None = None) -> GrayShar
     return GrayShares(images.code, np.where(seen, share, np.nan), error, noise)
 
 
+def noise_of_gaps(images: GrayImages, gap: FloatArray) -> FrameNoise | None:
+    """Noise of a sample of single planes, from the gaps [planes, n] between shares and what a fitted place makes of
+    them: one degree of freedom of each pixel is the place's. None where there is no freedom."""
+    assert images.dark is not None and images.white is not None
+    share = (images.planes - images.dark) / (images.white - images.dark)
+    own = 1 + np.square(share) / images.white_frames + np.square(1 - share) / images.dark_frames
+    known = np.isfinite(gap)
+    count = known.sum(0)
+    square = np.where(known, np.square(gap * (images.white - images.dark)) / own, 0.0).sum(0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        level = np.where(known, images.planes, 0.0).sum(0) / count
+    return estimate_noise(square, np.maximum(count - 1, 0), level)
+
+
 def read_bits(shares: GrayShares) -> IntArray:
     """The bits [planes, n], 0 where a sample is missing."""
     return (np.nan_to_num(shares.share, nan=0.0) > 0.5).astype(np.int64)
@@ -144,9 +158,10 @@ def most_likely(
     model: Callable[[NDArray[Any]], FloatArray],
     least_error: float,
     apart: float = 0.5,
+    several: FloatArray | float = 0.0,
 ) -> tuple[NDArray[Any], FloatArray]:
     """Of cells, or places in cells, [candidates, n] the one [n] whose model fits best, and the probability [n] that it
-    is wrong: that of all candidates that are at least `apart` from it, and of two or more misread bits.
+    is wrong: that of all candidates that are at least `apart` from it, and `several` [n], that none of them is right.
 
     model: of one candidate [n], the shares [planes, n] that it would have. least_error: of the model's shares. tried
     below 0 is no candidate.
@@ -164,7 +179,7 @@ def most_likely(
         chance = np.exp(-(cost - np.take_along_axis(cost, best, 0)) / 2)
     other = np.where(np.abs(tried - chosen) >= apart, chance, 0.0).sum(0) / chance.sum(0)
     lost = (chosen[0] < 0) | ~(weight > 0).any(0)
-    wrong = np.minimum(1.0, other + two_or_more(misread(shares, least_error)))
+    wrong = np.minimum(1.0, other + several)
     return chosen[0], np.where(lost, 1.0, wrong)
 
 

@@ -8,7 +8,7 @@ light's centroids.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
@@ -18,7 +18,7 @@ from irtscots_cl.imaging.gray_code import GraySet
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.fringe_frames import ShownFrames, matched, standard
-from irtscots_cl.measurement.gray_code import GrayShares, candidates, most_likely, read_bits
+from irtscots_cl.measurement.gray_code import GrayShares, candidates, misread, most_likely, read_bits, two_or_more
 from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates
 from irtscots_cl.measurement.shown_light import shown_light
 from irtscots_cl.measurement.unwrapping import TAU
@@ -58,7 +58,7 @@ def with_gray_orders(found: ScreenCoordinates, shares: dict[str, GrayShares], se
         cell, wrong = _order(shares[axis], turns, setup)
         periods = one.fringes.periods[0]
         rows = [(cell + turns % 1.0) / periods, error / periods, np.where(np.isfinite(turns), wrong, np.nan)]
-        maps = [stored(_on_grid(row, setup), orientation) for row in rows]
+        maps = [stored(on_grid(row, setup), orientation) for row in rows]
         known = found.mask & np.isfinite(maps[0])
         fraction, standard_error, chance = (np.where(known, values, np.nan) for values in maps)
         axes[axis] = replace(one, fraction=fraction, standard_error=standard_error, wrong=chance)
@@ -74,16 +74,28 @@ def _order(shares: GrayShares, turns: FloatArray, setup: Setup) -> tuple[IntArra
         place = np.where(cell < 0, np.nan, (cell + turns % 1.0) / code.cells)
         return shown_light(setup, code.axis, patterns, fraction_mm(setup, code.axis, place))
 
-    return most_likely(shares, candidates(code, read_bits(shares)), model, MODEL_ERROR)
+    several = two_or_more(misread(shares, MODEL_ERROR))
+    return most_likely(shares, candidates(code, read_bits(shares)), model, MODEL_ERROR, several=several)
 
 
-def gray_places(shares: GrayShares, setup: Setup) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Places [n] in mm along the axis of the pixels of setup.pixel_light, their standard errors, the probability that
-    they are wrong by a cell or more, and the error of shares that noise does not explain.
+@dataclass(frozen=True)
+class GrayPlaces:
+    """Places [n] in mm along an axis of the pixels of setup.pixel_light, their standard errors, and the probability that
+    they are wrong by a cell whose bits can be read; NaN where no plane tells anything.
 
-    NaN where no plane tells anything. A standard error holds what the edges within the pixel's light tell, and where
-    there are none the width of the cell.
+    A standard error holds what the edges within the pixel's light tell, and where there are none the width of the cell.
+    gap: [planes, n] of the shares and what the places make of them. floor: error of shares that noise does not explain.
     """
+
+    place_mm: FloatArray
+    error_mm: FloatArray
+    wrong: FloatArray
+    gap: FloatArray
+    floor: float
+
+
+def gray_places(shares: GrayShares, setup: Setup) -> GrayPlaces:
+    """The places that a Gray code alone tells."""
     code, k = shares.code, "xy".index(shares.code.axis)
     patterns = plane_values(code, setup)
     width_mm = setup.scene.screen.pixels[k] * setup.scene.screen.pitch_xy_mm[k]
@@ -97,14 +109,16 @@ def gray_places(shares: GrayShares, setup: Setup) -> tuple[FloatArray, FloatArra
         fraction = np.where(place < 0, np.nan, place / coarse.cells)
         return shown_light(setup, code.axis, patterns, fraction_mm(setup, code.axis, fraction))
 
-    start, wrong = most_likely(shares, places, model, MODEL_ERROR, apart=1.0)
+    several = two_or_more(misread(some, MODEL_ERROR))
+    start, wrong = most_likely(shares, places, model, MODEL_ERROR, apart=1.0, several=several)
     lost = (start < 0) | ~np.isfinite(shares.share).any(0)
     place = np.where(lost, np.nan, fraction_mm(setup, code.axis, start / coarse.cells))
     place, slope, gap = _refined(shares, patterns, place, setup, width_mm / coarse.cells)
     floor = _floor(gap, shares.error, place)
     weight = 1 / (np.square(shares.error) + floor**2)
     information = np.nansum(weight * slope**2, axis=0) + 12 / (width_mm / coarse.cells) ** 2
-    return place, np.where(np.isfinite(place), 1 / np.sqrt(information), np.nan), np.where(lost, 1.0, wrong), floor
+    error = np.where(np.isfinite(place), 1 / np.sqrt(information), np.nan)
+    return GrayPlaces(place, error, np.where(lost, 1.0, wrong), gap, floor)
 
 
 def _readable(code: GraySet, setup: Setup, width_mm: float) -> tuple[GraySet, int]:
@@ -176,7 +190,8 @@ def gray_frames_shown(
     return matched(images, best)
 
 
-def _on_grid(values: FloatArray, setup: Setup) -> FloatArray:
+def on_grid(values: FloatArray, setup: Setup) -> FloatArray:
+    """Values [n] of the pixels of setup.pixel_light on the detector's grid, upright; NaN elsewhere."""
     grid = np.full(math.prod(setup.chief_rays.shape), np.nan)
     grid[setup.pixel_light.pixels] = values
     return grid.reshape(setup.chief_rays.shape)

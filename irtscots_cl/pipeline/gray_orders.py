@@ -7,7 +7,7 @@ import numpy as np
 from irtscots_cl.imaging.fringe_images import FringeImages
 from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.measurement.fringe_light import place_mm
-from irtscots_cl.measurement.gray_code import gray_noise, gray_shares
+from irtscots_cl.measurement.gray_code import gray_shares
 from irtscots_cl.measurement.gray_places import with_gray_orders
 from irtscots_cl.measurement.quality import Check
 from irtscots_cl.measurement.reconstruction import design_points
@@ -21,11 +21,12 @@ def gray_orders(
 ) -> tuple[ScreenCoordinates, list[Check]]:
     """The coordinates in the orders of the Gray code, and the check of its planes. found: of images as stored.
 
-    Noise is that of the planes, or where they do not tell it that of the fringes.
+    Noise is that of the planes where they are shown inverted too, else that of the fringes.
     """
     samples = images_of_code(images, setup, saturation)
     shares = {
-        axis: gray_shares(one, gray_noise(one) or found.axes[axis].survey.noise) for axis, one in samples.items()
+        axis: gray_shares(one, None if one.code.inverted else found.axes[axis].survey.noise)
+        for axis, one in samples.items()
     }
     coded = with_gray_orders(found, shares, setup)
     pixels, orientation = setup.pixel_light.pixels, setup.scene.camera.detector.orientation

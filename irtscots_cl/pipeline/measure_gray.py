@@ -18,8 +18,8 @@ from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.frame_survey import survey_frames
 from irtscots_cl.measurement.fringe_quality import WRONG_ORDER, Reason, check_frame_values, check_pixels
-from irtscots_cl.measurement.gray_code import GrayImages, GrayShares, gray_shares
-from irtscots_cl.measurement.gray_places import gray_frames_shown, gray_places
+from irtscots_cl.measurement.gray_code import GrayImages, GrayShares, gray_shares, noise_of_gaps
+from irtscots_cl.measurement.gray_places import GrayPlaces, gray_frames_shown, gray_places, on_grid
 from irtscots_cl.measurement.mirror_mask import mirror_mask
 from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check, orientation_check, outline_check
 from irtscots_cl.measurement.reconstruction import Reconstruction, design_points
@@ -126,40 +126,26 @@ def _measured(
     refuse_bad(checks, strict)
     ceiling = min(images.frames.saturation, survey.ceiling) if saturation is None else saturation
     samples = images_of_code(images, setup, ceiling)
-    shares = {axis: gray_shares(one) for axis, one in samples.items()}
-    pixels, shape = setup.pixel_light.pixels, setup.chief_rays.shape
-
-    def on_grid(values: FloatArray) -> FloatArray:
-        grid = np.full(shape[0] * shape[1], np.nan)
-        grid[pixels] = values
-        return grid.reshape(shape)
-
-    found = {axis: gray_places(one, setup) for axis, one in shares.items()}
-    interruption.check()
-    lit = mirror_mask(on_grid(_signal(samples)), largest=False)
+    shares, found = _places(samples, setup)
+    lit = mirror_mask(on_grid(_signal(samples), setup), largest=False)
+    pixels = setup.pixel_light.pixels
     design = dict(zip("xy", (points.ravel()[pixels] for points in design_points(setup)[2:]), strict=True))
-    places = [design, {axis: one[0] for axis, one in found.items()}]
+    places = [design, {axis: one.place_mm for axis, one in found.items()}]
     checks.append(check_gray_frames(images, shares, places, setup, lit.ravel()[pixels]))
     refuse_bad(checks, strict)
-    maps = {axis: [on_grid(values) for values in one[:3]] for axis, one in found.items()}
-    wrong = np.fmax(maps["x"][2], maps["y"][2])
-    tests = {
-        Reason.SATURATED: ~np.isfinite(maps["x"][0] + maps["y"][0]),
-        Reason.ORDER: ~(wrong <= WRONG_ORDER),
-    }
-    why = excluded(lit, tests, use)
-    used = why.used
-    upright_places = [np.where(used, maps[axis][0], np.nan) for axis in "xy"]
-    checks.append(orientation_check(setup, upright_places, list(setup.scene.screen.centre_offset_mm)))
+    x, y = (on_grid(found[axis].place_mm, setup) for axis in "xy")
+    wrong = on_grid(np.fmax(found["x"].wrong, found["y"].wrong), setup)
+    why = excluded(lit, {Reason.SATURATED: ~np.isfinite(x + y), Reason.ORDER: ~(wrong <= WRONG_ORDER)}, use)
+    known = [np.where(why.used, place, np.nan) for place in (x, y)]
+    checks.append(orientation_check(setup, known, list(setup.scene.screen.centre_offset_mm)))
     if checks[-1].level == OK:
         checks.append(outline_check(lit, setup))
     on_mirror = setup.chief_rays.footprint.coverage >= COVERAGE
-    floors: tuple[float, float] = (found["x"][3], found["y"][3])
-    checks += [_check_model(max(floors)), check_pixels(why.counts(on_mirror))]
+    checks += [_check_model(max(one.floor for one in found.values())), check_pixels(why.counts(on_mirror))]
     refuse_bad(checks, strict)
-    errors = [np.where(used, maps[axis][1], np.nan) for axis in "xy"]
+    errors = [np.where(why.used, on_grid(found[axis].error_mm, setup), np.nan) for axis in "xy"]
     result = surface_from_places(
-        ScreenPlaces(*upright_places, *errors), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
+        ScreenPlaces(*known, *errors), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
     )
     bars = error_bars(result)
     assert bars is not None
@@ -169,14 +155,22 @@ def _measured(
         "standard_error_mm": median_errors(result),
         "excluded": why.counts(on_mirror),
         "pixels_with_wrong_cell": float(np.nansum(wrong[result.mask])),
-        "share_floor": {"x": floors[0], "y": floors[1]},
+        "share_floor": {"x": found["x"].floor, "y": found["y"].floor},
     }
-    _write(folder, result, why, wrong, facts, bars)
+    write_places(folder, result, why, [("gray/wrong_cell_probability", wrong, "1")], facts, bars)
     return facts
 
 
-def _write(folder: Path, result: Reconstruction, why, wrong: FloatArray, facts: MeasuredFacts, bars) -> None:
-    write_places(folder, result, why, [("gray/wrong_cell_probability", wrong, "1")], facts, bars)
+def _places(samples: dict[str, GrayImages], setup: Setup) -> tuple[dict[str, GrayShares], dict[str, GrayPlaces]]:
+    """Shares and places by axis."""
+    shares = {axis: gray_shares(one) for axis, one in samples.items()}
+    found = {axis: gray_places(one, setup) for axis, one in shares.items()}
+    interruption.check()
+    if not samples["x"].code.inverted:  # nothing but the fit tells their noise well
+        noise = {axis: noise_of_gaps(samples[axis], one.gap) for axis, one in found.items()}
+        shares = {axis: gray_shares(one, noise[axis]) for axis, one in samples.items()}
+        found = {axis: gray_places(one, setup) for axis, one in shares.items()}
+    return shares, found
 
 
 def _signal(samples: dict[str, GrayImages]) -> FloatArray:
