@@ -39,9 +39,9 @@ def add(commands) -> None:
         _execute,
         "write the pictures of patterns to show on the screen, with a manifest",
         "PNG files of the screen's pixels: dark, white, then the patterns along x and y, and manifest.toml, which "
-        "`irtscots reconstruct` reads back. First row: the screen's +y edge, its top; first column: the +x edge, on the "
-        "left for who looks at the screen from the mirror. Show them one pixel to one pixel, without any correction of "
-        "colours.",
+        "`irtscots reconstruct` reads back. First row: the screen's +y edge, its top; first column: the +x edge, on "
+        "the left for who looks at the screen from the mirror. Show them one pixel to one pixel, without any "
+        "correction of colours.",
     )
     add_scene(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME-patterns")
@@ -49,8 +49,8 @@ def add(commands) -> None:
         "--kind",
         choices=KINDS,
         default="sinusoid",
-        help="sinusoid: N-step fringes. lines: a line scan. gray: a Gray code. gray-phase: one number of fringes, whose "
-        "order a Gray code tells. dots: a grid of dots. pictures: those given. Default sinusoid",
+        help="sinusoid: N-step fringes. lines: a line scan. gray: a Gray code. gray-phase: one number of fringes, "
+        "whose order a Gray code tells. dots: a grid of dots. pictures: those given. Default sinusoid",
     )
     parser.add_argument(
         "--levels", type=int, default=8, metavar="BITS", help="bits of a pixel's value, 8 or 16; default 8"
@@ -173,7 +173,8 @@ def _check_options(options: argparse.Namespace, scene: Scene) -> None:
     if options.periods and len(set(options.periods)) < len(options.periods):
         raise ValueError(f"--periods = {' '.join(f'{p:g}' for p in options.periods)}: must differ")
     if options.kind == "gray-phase" and options.periods and len(options.periods) > 1:
-        raise ValueError(f"--periods = {' '.join(f'{p:g}' for p in options.periods)}: must be one for --kind gray-phase")
+        shown = " ".join(f"{p:g}" for p in options.periods)
+        raise ValueError(f"--periods = {shown}: must be one for --kind gray-phase")
     if options.kind == "pictures" and not options.pictures:
         raise ValueError("--pictures: must name the files for --kind pictures")
     if options.single_planes and not (options.dark_at and options.white_at):
@@ -218,7 +219,7 @@ def _series(options: argparse.Namespace, scene: Scene) -> tuple[SeriesByAxis, di
     if options.kind == "dots":
         grid = kinds.dot_grid(scene, options.dot_pitch, options.dot_diameter, options.dot_shifts)
         facts = {"pitch_px": grid.pitch_px, "diameter_px": grid.diameter_px, "shifts": grid.shifts}
-        told = f"dots of {grid.diameter_px:g} pixels, {grid.pitch_px:g} pixels apart, {grid.shifts} x {grid.shifts} frames"
+        told = f"dots of {grid.diameter_px:g} pixels, {grid.pitch_px:g} pixels apart, {grid.shifts**2} frames"
         return {"": [grid.series(scene.screen.pixels)]}, facts, [told], ()
     from irtscots_cl.imaging.pictures import read_pictures
 

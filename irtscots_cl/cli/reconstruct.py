@@ -37,8 +37,8 @@ def add(commands) -> None:
         nargs="+",
         metavar="IMAGES",
         help="of line scans: HDF5 file with /images/x, /images/y [lines, rows, columns] and /lines/x_mm, /lines/y_mm, "
-        "as `irtscots run` writes it. Of all patterns of `irtscots patterns`: its manifest, a folder with one, or image "
-        "files or their folder with --manifest (TIFF, PNG, FITS, SER, NPZ); or a SOFAST measurement",
+        "as `irtscots run` writes it. Of all patterns of `irtscots patterns`: its manifest, a folder with one, or "
+        "image files or their folder with --manifest (TIFF, PNG, FITS, SER, NPZ); or a SOFAST measurement",
     )
     parser.add_argument(
         "--manifest",

@@ -16,7 +16,7 @@ MAX_SHIFTS = 32
 
 @dataclass(frozen=True)
 class DotGrid:
-    """Dots pitch_px apart along x and y, their middle dot at the screen's middle in the first of shifts x shifts frames.
+    """Dots pitch_px apart along x and y in shifts x shifts frames; one dot of the first is at the screen's middle.
 
     Raises ValueError for dots that touch or do not fit.
     """
@@ -59,10 +59,11 @@ def dot_centres(frame: ShownFrame, pixels: tuple[int, int]) -> tuple[FloatArray,
     """Centres along x [columns of dots] and along y [rows of dots] of a frame's dots that lie wholly on the screen, in
     pixels from the screen's -x and -y edge."""
     x, y = (
-        first + frame.pitch_px * np.arange(max(math.floor((n - frame.diameter_px / 2 - first) / frame.pitch_px) + 1, 0))
+        float(first)
+        + frame.pitch_px * np.arange(max(math.floor((n - frame.diameter_px / 2 - first) / frame.pitch_px) + 1, 0))
         for first, n in zip(frame.first_px, pixels, strict=True)
     )
-    return x, y
+    return np.asarray(x, float), np.asarray(y, float)
 
 
 def dot_values(frame: ShownFrame, pixels: tuple[int, int]) -> FloatArray:

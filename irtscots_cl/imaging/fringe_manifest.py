@@ -50,10 +50,10 @@ _KEYS = ("kind", "version", "scene", "screen_pixels", "bits", "first_row", "firs
          "frames")  # fmt: skip
 _MAX_BYTES = 2**22
 _ABOUT = {  # comments of a manifest on what its frames show
-    FRINGES: "# Fringes show 1/2 + 1/2 cos(2 pi periods s - step) of the full range; s grows from 0 at the -x (-y) edge of\n"
-    "# the pixel grid to 1 at its +x (+y) edge.",
+    FRINGES: "# Fringes show 1/2 + 1/2 cos(2 pi periods s - step) of the full range; s grows from 0 at the -x (-y)\n"
+    "# edge of the pixel grid to 1 at its +x (+y) edge.",
     LINE: "# A line begins first_px pixels from the screen's -x (-y) edge; pixels that it covers in part are grey.",
-    GRAY: "# Plane `bit` of a Gray code, 0 the coarsest, of so many cells over the screen, counted from its -x (-y) edge.",
+    GRAY: "# Plane `bit` of a Gray code, 0 the coarsest, of so many cells over the screen, from its -x (-y) edge on.",
     DOTS: "# first_px: centre of the first dot, in pixels from the screen's -x and -y edge.",
 }
 
@@ -215,8 +215,9 @@ def _check_content(manifest: FringeManifest) -> None:
         if sets and (manifest.reverse or manifest.ends != "edges"):
             raise ValueError('reverse, ends: must be left out with a Gray code: [] and "edges"')
         if axis in sets and (len(sets[axis].periods) > 1 or sets[axis].periods[0] != code.cells):
+            shown = ", ".join(f"{p:g}" for p in sets[axis].periods)
             raise ValueError(
-                f"frames: {axis} fringes of {', '.join(f'{p:g}' for p in sets[axis].periods)} periods and a Gray code of "
+                f"frames: {axis} fringes of {shown} periods and a Gray code of "
                 f"{code.cells:g} cells: must be one number of periods, equal to that of cells"
             )
     for shows in sorted(manifest.content & {FRINGES, LINE, GRAY}):

@@ -38,7 +38,7 @@ class LineSet:
         for name, least in (("width", 0.0), ("step", 0.0), ("first", -ROUNDING)):
             value = getattr(self, f"{name}_px")
             if not least < value < 1e6:
-                raise ValueError(f"lines: {name} = {value:g} pixels: must be {'above' if name != 'first' else 'from'} 0")
+                raise ValueError(f"lines: {name} = {value:g} pixels: must be {'above' if least == 0 else 'from'} 0")
         _ = self.parts
 
     @property
@@ -63,7 +63,7 @@ class LineSet:
 
 
 def parts_of(lengths_px: Sequence[float]) -> int:
-    """The least number of parts of a pixel that all lengths are multiples of. Raises ValueError for more than FINEST."""
+    """The least number of parts of a pixel that all lengths are multiples of. Raises ValueError above FINEST."""
     values = np.asarray(lengths_px, float)
     for parts in range(1, FINEST + 1):
         if np.abs(values * parts - np.rint(values * parts)).max() < ROUNDING * parts:
@@ -112,9 +112,7 @@ def scene_of_lines(frames: Sequence[ShownFrame], scene: Scene) -> tuple[Scene, d
         raise ValueError("frames: the lines of the y scan begin at other parts of a step than those of the x scan")
     lines = ScanLines(step_px=step, width_px=round(width * parts), first_px=first)
     screen = scene.screen
-    pitch = tuple(value / parts for value in screen.pitch_xy_mm)
-    screen = replace(
-        screen, pixels=(screen.pixels[0] * parts, screen.pixels[1] * parts), pitch_mm=pitch, lines=lines
-    )
+    pitch = (screen.pitch_xy_mm[0] / parts, screen.pitch_xy_mm[1] / parts)
+    screen = replace(screen, pixels=(screen.pixels[0] * parts, screen.pixels[1] * parts), pitch_mm=pitch, lines=lines)
     numbers = {axis: ((starts - first) // step).tolist() for axis, starts in whole.items()}
     return replace(scene, screen=screen), numbers

@@ -1,7 +1,7 @@
 """Any pictures on the screen: what a transport map makes of them, without new rays.
 
-    pictures = Pictures(scene, read_pictures(["logo.png", "speckle.npy"], scene))
-    images = irt.trace(scene).images(pictures)  # [pictures, detector rows, detector columns] in W
+pictures = Pictures(scene, read_pictures(["logo.png", "speckle.npy"], scene))
+images = irt.trace(scene).images(pictures)  # [pictures, detector rows, detector columns] in W
 """
 
 from __future__ import annotations

@@ -22,8 +22,8 @@ Series = Sequence[ShownFrame]
 
 @dataclass(frozen=True)
 class TimeOrder:
-    """axes: of ORDERS; interleaved: x and y frames take turns. dark, white: where such frames are, of PLACES; "between":
-    between the series, and in the middle of a single one. dark_frames, white_frames: at each of these places.
+    """axes: of ORDERS; interleaved: x and y frames take turns. dark, white: where such frames are, of PLACES;
+    "between": between the series, and in the middle of a single one. dark_frames, white_frames: at each of these.
 
     Raises ValueError for what is not allowed.
     """

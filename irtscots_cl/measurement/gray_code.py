@@ -38,7 +38,8 @@ class GrayShares:
 class GrayImages:
     """Samples of n pixels, as floating point, NaN where missing.
 
-    planes, inverted: [planes, n], inverted None where not shown. dark, white: [n] means of so many frames, None without.
+    planes, inverted: [planes, n], inverted None where not shown. dark, white: [n] means of so many frames, None
+    without.
     """
 
     code: GraySet
@@ -99,6 +100,7 @@ def gray_shares(images: GrayImages, noise: FrameNoise | None = None) -> GrayShar
         of_dark = of_white = known.variance(np.nanmean(a + b, axis=0) / 2) / least
     with np.errstate(invalid="ignore", divide="ignore"):
         if b is None:
+            assert images.dark is not None
             share = (a - images.dark) / signal
             variance = known.variance(a) + np.square(share) * of_white + np.square(1 - share) * of_dark
         else:
@@ -113,7 +115,8 @@ def noise_of_gaps(images: GrayImages, gap: FloatArray) -> FrameNoise | None:
     """Noise of a sample of single planes, from the gaps [planes, n] between shares and what a fitted place makes of
     them: one degree of freedom of each pixel is the place's. None where there is no freedom."""
     assert images.dark is not None and images.white is not None
-    share = (images.planes - images.dark) / (images.white - images.dark)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = (images.planes - images.dark) / (images.white - images.dark)
     own = 1 + np.square(share) / images.white_frames + np.square(1 - share) / images.dark_frames
     known = np.isfinite(gap)
     count = known.sum(0)
@@ -191,4 +194,3 @@ def two_or_more(chance: FloatArray) -> FloatArray:
         none = none * (1 - plane)
     total: FloatArray = np.clip(1 - none - one, 0.0, 1.0)
     return total
-

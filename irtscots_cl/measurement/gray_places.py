@@ -19,7 +19,7 @@ from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.fringe_frames import ShownFrames, matched, standard
 from irtscots_cl.measurement.gray_code import GrayShares, candidates, misread, most_likely, read_bits, two_or_more
-from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates
+from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates
 from irtscots_cl.measurement.shown_light import shown_light
 from irtscots_cl.measurement.unwrapping import TAU
 from irtscots_cl.optics.setup import Setup
@@ -80,8 +80,8 @@ def _order(shares: GrayShares, turns: FloatArray, setup: Setup) -> tuple[IntArra
 
 @dataclass(frozen=True)
 class GrayPlaces:
-    """Places [n] in mm along an axis of the pixels of setup.pixel_light, their standard errors, and the probability that
-    they are wrong by a cell whose bits can be read; NaN where no plane tells anything.
+    """Places [n] in mm along an axis of the pixels of setup.pixel_light, their standard errors, and the probability
+    that they are wrong by a cell whose bits can be read; NaN where no plane tells anything.
 
     A standard error holds what the edges within the pixel's light tell, and where there are none the width of the cell.
     gap: [planes, n] of the shares and what the places make of them. floor: error of shares that noise does not explain.
@@ -181,11 +181,8 @@ def gray_frames_shown(
     images = np.concatenate([np.stack([standard(row[used]) for row in one.share]) for one in shares.values()])
     tried = []
     for places in places_mm:
-        rows = [
-            np.stack([standard(row[used]) for row in shown_light(setup, axis, plane_values(one.code, setup), places[axis])])
-            for axis, one in shares.items()
-        ]
-        tried.append(np.concatenate(rows))
+        shown = [shown_light(setup, axis, plane_values(one.code, setup), places[axis]) for axis, one in shares.items()]
+        tried.append(np.stack([standard(row[used]) for rows in shown for row in rows]))
     best = max(tried, key=lambda made: int(np.sum(np.sum(images * made, axis=1) > 0.9)))
     return matched(images, best)
 

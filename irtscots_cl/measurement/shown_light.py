@@ -1,4 +1,4 @@
-"""What a pixel's light makes of patterns of lines: the design's light, moved to a place, times what the screen shows."""
+"""What a pixel's light makes of patterns of lines: the design's light, moved to a place, on what the screen shows."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def shown_light(setup: Setup, axis: str, patterns: NDArray[Any], place_mm: Float
     moved = np.where(known, place_mm - own, 0.0)
     start_mm = -count * pitch / 2 + screen.centre_offset_mm[k]
     first = np.floor((np.where(known, middle + moved - half, 0.0) - start_mm) / pitch) - 1
-    most = int(math.ceil(2 * half[known].max(initial=0.0) / pitch)) + 3
+    most = math.ceil(2 * half[known].max(initial=0.0) / pitch) + 3
     sums = np.zeros((len(patterns), len(own)), patterns.dtype)
     whole = np.zeros(len(own))
     step = max(1, AT_ONCE // max(len(own), 1))

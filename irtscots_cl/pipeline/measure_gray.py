@@ -22,7 +22,7 @@ from irtscots_cl.measurement.gray_code import GrayImages, GrayShares, gray_share
 from irtscots_cl.measurement.gray_places import GrayPlaces, gray_frames_shown, gray_places, on_grid
 from irtscots_cl.measurement.mirror_mask import mirror_mask
 from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check, orientation_check, outline_check
-from irtscots_cl.measurement.reconstruction import Reconstruction, design_points
+from irtscots_cl.measurement.reconstruction import design_points
 from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_places
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
@@ -67,7 +67,11 @@ def images_of_code(images: FringeImages, setup: Setup, saturation: float) -> dic
 
 
 def check_gray_frames(
-    images: FringeImages, shares: dict[str, GrayShares], places: list[dict[str, FloatArray]], setup: Setup, used: BoolArray
+    images: FringeImages,
+    shares: dict[str, GrayShares],
+    places: list[dict[str, FloatArray]],
+    setup: Setup,
+    used: BoolArray,
 ) -> Check:
     """Whether every plane shows itself. used: [n] pixels of setup.pixel_light."""
     shown = gray_frames_shown(shares, places, setup, used)
@@ -189,7 +193,7 @@ def _check_model(floor: float) -> Check:
         text = "the planes' edges are as blurred as the design's light has it"
         return Check("gray model", OK, floor, MODEL_LIMIT, 1e-6, text)
     text = (
-        f"shares of the Gray code's planes depart by {floor:.2f} from what the design's light makes of them, beyond their "
-        "noise: the aperture's diameter, the focus, the screen's gamma or stray light"
+        f"shares of the Gray code's planes depart by {floor:.2f} from what the design's light makes of them, beyond "
+        "their noise: the aperture's diameter, the focus, the screen's gamma or stray light"
     )
     return Check("gray model", WARNING, floor, MODEL_LIMIT, 1e-6, text)

@@ -1,4 +1,4 @@
-"""The kinds of patterns that `irtscots patterns` writes: their frames from a few numbers, or from the scene's own light.
+"""The kinds of patterns that `irtscots patterns` writes: their frames from a few numbers, or from the scene's light.
 
 One function for each kind gives its series by axis, which imaging.sequences puts into an order.
 """
@@ -74,7 +74,8 @@ def gray_and_fringes(
     for one in sets:
         if one.periods[0] <= 1:
             raise ValueError(
-                f"{one.axis} fringes of {one.periods[0]:g} periods over the screen need no Gray code; use --kind sinusoid"
+                f"{one.axis} fringes of {one.periods[0]:g} periods over the screen need no Gray code; use --kind "
+                "sinusoid"
             )
     return tuple(GraySet(one.axis, one.periods[0], inverted) for one in sets), sets
 

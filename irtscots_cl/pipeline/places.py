@@ -46,7 +46,9 @@ def write_places(
     orientation = nominal.camera.detector.orientation
     rows: Rows = [("excluded", why.reason.astype(np.uint8), REASON_UNIT), *own]
     rows += [*screen_rows(screen_points(result), result), *surface_rows(result, bars)]
-    in_file = [(name, stored(values, orientation) if _is_map(values, result) else values, u) for name, values, u in rows]
+    in_file = [
+        (name, stored(values, orientation) if _is_map(values, result) else values, unit) for name, values, unit in rows
+    ]
     attributes = {
         "scene": nominal.to_toml(),
         "measure": facts["measure"],

@@ -70,7 +70,8 @@ class TraceResult:
         white = np.zeros(rows * columns)
         first = 0
         for fringes in pattern.sets:
-            curves = self.line_flux_w(fringes.axis)[replicate] if replicate is not None else self.mean_curves_w(fringes.axis)
+            axis = fringes.axis
+            curves = self.mean_curves_w(axis) if replicate is None else self.line_flux_w(axis)[replicate]
             origins = self.windows.origins[:, "xy".index(fringes.axis)].astype(np.int64)
             lines = origins[:, None] + np.arange(curves.shape[1])
             for frame in pattern.radiance(fringes):
