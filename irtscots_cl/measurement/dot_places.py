@@ -155,8 +155,9 @@ class DotMap:
 def interpolated(dots: DotPlaces, design_mm: tuple[FloatArray, FloatArray]) -> DotMap:
     """Places of all pixels between the dots: the design's, less its differences at the dots, linear between them.
 
-    The standard errors hold the dots' own and, growing as the square of the distance, what leaving out each dot in
-    turn shows that interpolation misses; half the radius of a dot's image is the least distance. Raises ValueError for too few dots.
+    The standard errors hold the dots' own and, growing with the distance, what leaving out each dot in turn
+    shows that interpolation misses; half the radius of a dot's image is the least distance.
+    Raises ValueError for too few dots.
     """
     points = np.stack([dots.row, dots.column], -1)
     if len(dots) < LEAST_DOTS:
@@ -178,7 +179,7 @@ def interpolated(dots: DotPlaces, design_mm: tuple[FloatArray, FloatArray]) -> D
     ):
         difference = own - by_design
         missed, reach = _left_out(points, difference, error)
-        between = missed * np.square(np.maximum(distance, blurred) / max(reach, spacing / 2))
+        between = missed * np.maximum(distance, blurred) / max(reach, spacing / 2)
         noise = np.sqrt((np.square(weights) * np.square(error)[corners]).sum(1))
         maps.append((design.ravel() + (weights * difference[corners]).sum(1)).reshape(shape))
         errors.append(np.hypot(noise, between).reshape(shape))

@@ -67,20 +67,20 @@ def test_dots_at_the_edge_are_left_out_and_those_far_from_the_grid_too():
     assert (len(none), count) == (0, 0)
 
 
-def test_the_map_is_exact_for_a_bent_plane_and_its_error_grows_with_the_distance():
+def test_the_map_s_error_is_seen_by_leaving_dots_out_and_grows_with_the_distance():
     u, v = design()
-    row, column = np.mgrid[:SIZE, :SIZE]
+    row = np.mgrid[:SIZE, :SIZE][0]
     parts = []
     for k in range(4):
         centres = CENTRES[0] + 0.75 * (k % 2), CENTRES[1] + 0.75 * (k // 2)
-        bent = 1e-4 * (row - 30.0) * (column - 30.0)  # mm
+        bent = 1e-4 * (row - 30.0) ** 2  # mm
         parts.append(find_dots(seen(u + bent, v, centres, 1e-4, k), MASK, centres, (u, v))[0])
     found = interpolated(DotPlaces.joined(parts), (u, v))
     inside = np.isfinite(found.u_mm)
     assert 0.3 < inside[MASK].mean() < 1
     error = (found.u_mm - u - bent)[inside]
     assert np.sqrt(np.mean(error**2)) < 2 * np.sqrt(np.mean(found.u_error_mm[inside] ** 2))
-    assert found.tested_mm[0] > 10 * found.tested_mm[1]  # u is bent, v is not
+    assert found.tested_mm[0] > 3 * found.tested_mm[1]  # u is bent, v is not
     far = found.distance_px > np.nanmedian(found.distance_px)
     assert found.u_error_mm[inside & far].mean() > found.u_error_mm[inside & ~far].mean()
     assert np.nanmax(found.distance_px) < 8
