@@ -19,10 +19,10 @@ from irtscots_cl.report.types import AlongAxes, MeasuredFacts
 from irtscots_cl.system.atomic_files import replacing, write_json, write_text
 
 
-def excluded(lit: BoolArray, tests: Mapping[Reason, BoolArray], use: BoolArray | None) -> Exclusions:
-    """The reason for every pixel. tests: who fails which. use: pixels that may be used; None: all. All alike."""
+def excluded(lit: BoolArray, failing: Mapping[Reason, BoolArray], use: BoolArray | None) -> Exclusions:
+    """The reason for every pixel. failing: who fails which. use: pixels that may be used; None: all. All alike."""
     reason = np.where(lit, Reason.USED, Reason.DARK)
-    for kind, wrong in tests.items():
+    for kind, wrong in failing.items():
         reason[(reason == Reason.USED) & wrong] = kind
     if use is not None:
         reason[~use] = Reason.MASKED
