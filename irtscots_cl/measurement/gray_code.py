@@ -142,12 +142,11 @@ def misread(shares: GrayShares, least_error: float = 0.0) -> FloatArray:
     return np.where(np.isfinite(found), found, 0.5)
 
 
-def candidates(code: GraySet, bits: IntArray, wider: int = 1) -> IntArray:
-    """Cells [candidates, n] that bits [planes, n] may mean: their own, `wider` cells beside it, and each with one bit
-    misread; -1 where there is no such cell."""
+def candidates(code: GraySet, bits: IntArray) -> IntArray:
+    """Cells [candidates, n] that bits [planes, n] may mean: their own and those with one bit misread,
+    the neighbours among them; -1 where there is no such cell."""
     own = code.number(bits)
-    found = [own + k for k in range(-wider, wider + 1)]
-    found += [from_gray(gray(own) ^ (1 << plane)) for plane in range(code.planes)]
+    found = [own, *(from_gray(gray(own) ^ (1 << plane)) for plane in range(code.planes))]
     cells = np.stack(found)
     cells[(cells < 0) | (cells >= code.count)] = -1
     for k in range(1, len(cells)):  # each cell once
