@@ -29,7 +29,7 @@ def add(commands) -> None:
         commands,
         "reconstruct",
         _execute,
-        "measure a mirror from images of line scans or fringes",
+        "measure a mirror from images of line scans, fringes, Gray codes or dots",
         "Writes result.h5 and figures into the output folder.",
     )
     parser.add_argument(
@@ -38,7 +38,7 @@ def add(commands) -> None:
         nargs="+",
         metavar="IMAGES",
         help="of line scans: HDF5 file with /images/x, /images/y [lines, rows, columns] and /lines/x_mm, /lines/y_mm, "
-        "as `irtscots run` writes it. Of fringes: the manifest that `irtscots patterns` writes, a folder with one, or "
+        "as `irtscots run` writes it. Of all patterns of `irtscots patterns`: its manifest, a folder with one, or "
         "image files or their folder with --manifest (TIFF, PNG, FITS, SER, NPZ, NPY, HDF5: a file may hold many "
         "frames); or a SOFAST measurement",
     )
@@ -96,7 +96,7 @@ def _execute(options: argparse.Namespace) -> int:
     if not 0 <= options.threshold < 1:
         raise ValueError(f"--threshold = {options.threshold}: must be at least 0 and below 1")
     if options.manifest is not None or is_fringe_input(options.images, SUFFIXES):
-        return _fringes(options)
+        return _by_manifest(options)
     (options.images,) = options.images
     if is_sofast_measurement(options.images):
         return _sofast(options)
@@ -116,29 +116,46 @@ def _no_calibration_files(options: argparse.Namespace) -> None:
 def _no_line_scans(options: argparse.Namespace) -> None:
     for option, given in (("--measure", options.measure), ("--threshold", options.threshold)):
         if given:
-            raise ValueError(f"{option}: is of line scans; IMAGES is a measurement with fringes")
+            raise ValueError(f"{option}: is of line scans; IMAGES is no line scan")
 
 
-def _fringes(options: argparse.Namespace) -> int:
-    """Images of fringes with a manifest."""
+def _by_manifest(options: argparse.Namespace) -> int:
+    """Images of patterns with a manifest, which tells what they are measured by."""
     from irtscots_cl.imaging.fringe_images import own_manifest
+    from irtscots_cl.imaging.fringe_manifest import DOTS, GRAY, LINE, PICTURE, read_manifest
 
-    if options.manifest is None:
-        own_manifest(options.images)  # a folder without one is named before options that do not go with it
-    _no_line_scans(options)
+    path = own_manifest(options.images)[0] if options.manifest is None else options.manifest
+    content = read_manifest(path).content
+    if content == {PICTURE}:
+        raise ValueError(f"{path}: frames: show pictures, which tell no places; nothing can be measured by them")
     _no_calibration_files(options)
+    more = {}
+    if content == {LINE}:
+        more = {"threshold": options.threshold, "how": options.measure or LAB_MEASURE}
+    else:
+        _no_line_scans(options)
     scene = load_scene(options.scene)
     from irtscots_cl.measurement.coefficients import check_kind
-    from irtscots_cl.pipeline.measure_fringes import measure_fringes
+    from irtscots_cl.measurement.methods import check_measure
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder
 
+    if content == {LINE}:
+        from irtscots_cl.pipeline.measure_lines import measure_lines as measure
+
+        check_measure(more["how"], more["threshold"])
+    elif content == {GRAY}:
+        from irtscots_cl.pipeline.measure_gray import measure_gray as measure
+    elif content == {DOTS}:
+        from irtscots_cl.pipeline.measure_dots import measure_dots as measure
+    else:
+        from irtscots_cl.pipeline.measure_fringes import measure_fringes as measure
     check_kind(options.zernike)
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
     check_output_folder(folder, ("result.h5", "report.json", "scene.toml"), ("figures",))
     with made_folder(folder):
-        facts = measure_fringes(
+        facts = measure(
             options.images, scene, folder, manifest=options.manifest, strict=options.strict, zernike=options.zernike,
-            camera=camera_of(options), mask=options.mask, fiducials=options.fiducials
+            camera=camera_of(options), mask=options.mask, fiducials=options.fiducials, **more
         )  # fmt: skip
     return _tell(options, facts, folder)
 

@@ -1,4 +1,4 @@
-"""Pictures for a real screen: the pixels of fringe patterns as the screen shows them.
+"""Pictures for a real screen: the pixels of patterns as the screen shows them.
 
 A picture's first row is the screen's +y edge. Its first column is the +x edge: the screen's z points away from the
 mirror, so that x grows to the left for who looks at the screen with y up.
@@ -12,8 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from irtscots_cl.imaging.fringe_manifest import DARK, WHITE, ShownFrame
+from irtscots_cl.imaging.dots import dot_values
 from irtscots_cl.imaging.fringes import FringeSet
+from irtscots_cl.imaging.gray_code import GraySet
+from irtscots_cl.imaging.line_pictures import line_values
+from irtscots_cl.imaging.shown_frames import DARK, DOTS, GRAY, LINE, PICTURE, WHITE, ShownFrame
 from irtscots_cl.scene.model import Scene
 
 BITS = (8, 16)
@@ -24,11 +27,34 @@ _RATIO = 6.0  # of the periods of neighbouring series: the phase of one tells th
 
 
 def values_of(frame: ShownFrame, scene: Scene) -> NDArray[Any]:
-    """What the screen's columns (x fringes) or rows show, from 0 to 1 of the full range: [pixels along the axis]."""
+    """What the screen's columns (of a frame along x) or rows show, from 0 to 1: [pixels along the axis]."""
+    pixels = scene.screen.pixels["xy".index(frame.axis)]
+    if frame.shows == LINE:
+        return line_values(frame.first_px[0], frame.width_px, pixels)
+    if frame.shows == GRAY:
+        code = GraySet(frame.axis, frame.cells)
+        shown = code.plane(frame.bit, code.cell((np.arange(pixels) + 0.5) / pixels)).astype(float)
+        return 1 - shown if frame.inverted else shown
     fringes = FringeSet(frame.axis, (frame.periods,), ((0.0, 2.0, 4.0),))
-    place = fringes.pixel_fractions(scene.screen.pixels["xy".index(frame.axis)])
+    place = fringes.pixel_fractions(pixels)
     values: NDArray[Any] = 0.5 + 0.5 * np.cos(2 * np.pi * frame.periods * place - np.radians(frame.step_deg))
     return values
+
+
+def upright_values(frame: ShownFrame, scene: Scene) -> NDArray[Any]:
+    """What the screen's pixels show, from 0 to 1: [rows, columns], the first ones at its -y and -x edge.
+
+    Raises ValueError for a frame that shows a picture of the user's, which its file alone tells.
+    """
+    columns, rows = scene.screen.pixels
+    if frame.shows in (DARK, WHITE):
+        return np.full((rows, columns), float(frame.shows == WHITE))
+    if frame.shows == DOTS:
+        return dot_values(frame, scene.screen.pixels)
+    if frame.shows == PICTURE:
+        raise ValueError(f"{frame.text}: only its file tells what it shows")
+    line = values_of(frame, scene)
+    return np.broadcast_to(line[None, :] if frame.axis == "x" else line[:, None], (rows, columns))
 
 
 def picture(frame: ShownFrame, scene: Scene, bits: int = 8) -> NDArray[Any]:
@@ -36,17 +62,15 @@ def picture(frame: ShownFrame, scene: Scene, bits: int = 8) -> NDArray[Any]:
 
     Raises ValueError for a number of bits that is not of BITS.
     """
+    return as_picture(upright_values(frame, scene), bits)
+
+
+def as_picture(values: NDArray[Any], bits: int = 8) -> NDArray[Any]:
+    """Upright values [rows, columns] from 0 to 1 as the pixels of a picture. Raises ValueError as `picture` does."""
     if bits not in BITS:
         raise ValueError(f"bits = {bits}: must be one of {', '.join(map(str, BITS))}")
-    columns, rows = scene.screen.pixels
-    top = 2**bits - 1
-    grid = np.empty((rows, columns), np.uint8 if bits == 8 else np.uint16)
-    if frame.shows in (DARK, WHITE):
-        grid[...] = top if frame.shows == WHITE else 0
-        return grid
-    line = np.rint(values_of(frame, scene) * top)[::-1]  # +x and +y come first
-    grid[...] = line[None, :] if frame.axis == "x" else line[:, None]
-    return grid
+    whole = np.rint(values * (2**bits - 1)).astype(np.uint8 if bits == 8 else np.uint16)
+    return np.ascontiguousarray(whole[::-1, ::-1])  # +x and +y come first
 
 
 def write_picture(path: Path, values: NDArray[Any]) -> None:

@@ -42,7 +42,7 @@ def frames_shown(
     pixels = np.flatnonzero(found.mask)
     pixels = pixels[:: max(1, len(pixels) // SAMPLE)]
     shown = [_relative(image, stack, pixels) for image in _images(stack)]
-    images = np.stack([_standard(image) for image in shown])
+    images = np.stack([standard(image) for image in shown])
     templates, start = [], 0
     for one in stack.sets:
         own = images[start : start + one.count]
@@ -51,7 +51,12 @@ def frames_shown(
         )
         templates.append(max(tried, key=lambda made: float(np.nansum(np.sum(own * made, axis=1) > 0.9))))
         start += one.count
-    alike = images @ np.concatenate(templates).T  # correlations [images, frames]
+    return matched(images, np.concatenate(templates))
+
+
+def matched(images: FloatArray, templates: FloatArray) -> ShownFrames:
+    """Which template each image shows. Both [frames, n], as `standard` makes them."""
+    alike = images @ templates.T  # correlations [images, frames]
     own = np.diagonal(alike)
     best = np.argmax(alike, axis=1)
     left, least = 1 - own**2, 1 - np.maximum(alike.max(axis=1), 0.0) ** 2
@@ -77,7 +82,7 @@ def _relative(image: FloatArray, stack: FringeStack, pixels: IntArray) -> FloatA
         return np.where(light > 0, (values - dark) / light, np.nan)
 
 
-def _standard(values: FloatArray) -> FloatArray:
+def standard(values: FloatArray) -> FloatArray:
     """Values without their mean, of length 1; 0 where unknown."""
     known = np.isfinite(values)
     centred = np.where(known, values - (values[known].mean() if known.any() else 0.0), 0.0)
@@ -104,7 +109,7 @@ def _templates(fringes: FringeSet, one: AxisCoordinates, place: FloatArray) -> F
     """What the frames of a set look like in pixels at these places [n]: [frames, n], each without mean, of length 1."""
     at = 1 - place if fringes.reverse else place
     rows = [
-        _standard(np.cos(2 * np.pi * periods * at - one.survey.sign * np.asarray(step)))
+        standard(np.cos(2 * np.pi * periods * at - one.survey.sign * np.asarray(step)))
         for periods, steps in zip(fringes.periods, one.survey.steps_rad, strict=True)
         for step in steps
     ]

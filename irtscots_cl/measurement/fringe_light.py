@@ -19,13 +19,13 @@ from irtscots_cl.imaging.fringes import FringeSet
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates, places_of_phases
-from irtscots_cl.measurement.unwrapping import phase_floor
+from irtscots_cl.measurement.shown_light import shown_light
+from irtscots_cl.measurement.unwrapping import Prior, phase_floor
 from irtscots_cl.optics.setup import Setup
-from irtscots_cl.system import interruption
 
-AT_ONCE = 2**20  # values of the light on the screen's lines
 LEAST = 0.02  # of the light's modulation, below which its phase says nothing
 SAMPLE = 8000  # pixels
+SAME_ORDER = 0.18  # of a period: the least precise place that tells an order beyond doubt (unwrapping.DOUBT)
 
 
 @dataclass(frozen=True)
@@ -47,39 +47,19 @@ def light_phases(
     """
     light, screen = setup.pixel_light, setup.scene.screen
     k = "xy".index(fringes.axis)
-    output, pitch, count = "uv"[k], screen.pitch_xy_mm[k], screen.pixels[k]
-    own = light.means(output)[0]
+    pitch, count = screen.pitch_xy_mm[k], screen.pixels[k]
     centre = place_mm.ravel()[light.pixels]
-    known = light.valid() & np.isfinite(own) & np.isfinite(centre)
-    moved = np.where(known, centre - own, 0.0)
-    middle, half = light.extent(output)
-    known &= np.isfinite(middle) & np.isfinite(half)
-    start_mm = -count * pitch / 2 + screen.centre_offset_mm[k]
-    first = np.floor((np.where(known, middle + moved - half, 0.0) - start_mm) / pitch) - 1
-    most = int(np.ceil(2 * half[known].max(initial=0.0) / pitch)) + 3
     fractions = fringes.pixel_fractions(count)
     shown = _screen_lines(fringes, fractions, levels, gamma)  # [kinds, series, lines]
-    sums = np.zeros((*shown.shape[:2], len(centre)), complex)
-    whole = np.zeros(len(centre))
-    step = max(1, AT_ONCE // max(len(centre), 1))
-    for begin in range(0, most, step):
-        interruption.check()
-        lines = first[:, None] + begin + np.arange(min(step, most - begin) + 1)
-        share = light.light(output, start_mm + pitch * lines - moved[:, None])
-        number = lines[:, :-1]
-        on_screen = (number >= 0) & (number < count)
-        share = np.where(on_screen & known[:, None], share, 0.0)
-        number = np.clip(number, 0, count - 1).astype(int)
-        whole += share.sum(1)
-        for kind, series in np.ndindex(shown.shape[:2]):
-            sums[kind, series] += (share * shown[kind, series][number]).sum(1)
+    means = shown_light(setup, fringes.axis, shown.reshape(-1, count), centre).reshape(*shown.shape[:2], -1)
+    start_mm = -count * pitch / 2 + screen.centre_offset_mm[k]
     at = ((centre - start_mm) / pitch - 0.5) * (fractions[1] - fractions[0]) + fractions[0]
     turn = np.exp(-2j * math.pi * np.array(fringes.periods)[:, None] * at)
     with np.errstate(invalid="ignore", divide="ignore"):
-        relative = np.where(known & (whole > 0), sums[0] * turn / whole, np.nan)
+        relative = means[0] * turn
         difference = np.angle(relative)
         if levels:
-            difference = difference + np.angle(sums[2] / sums[1])
+            difference = difference + np.angle(means[2] / means[1])
     difference *= -1 if fringes.reverse else 1
     difference[~(np.abs(relative) > LEAST)] = np.nan
     return LightPhases(*(_on_grid(v, light.pixels, place_mm.shape) for v in (difference, np.abs(relative))))
@@ -121,11 +101,12 @@ def place_mm(one: AxisCoordinates, setup: Setup) -> FloatArray:
 
 
 def places_of_light(
-    found: ScreenCoordinates, setup: Setup, levels: int = 0
+    found: ScreenCoordinates, setup: Setup, levels: int = 0, keep_orders: bool = False
 ) -> tuple[ScreenCoordinates, dict[str, LightPhases]]:
     """The same coordinates with the places of the light's centroids; and what the light makes of the fringes, by axis.
 
     setup: of the design. found: of images as stored, with the detector's pixels. levels: see light_phases.
+    keep_orders: of the fringes, where something else than the series told them: a Gray code, the design.
     phase_rad stays as measured. A pixel whose light is not known keeps its place. One round will do: the
     difference is some um on the screen, and hardly another one that far away.
     """
@@ -133,7 +114,7 @@ def places_of_light(
     for axis, one in found.axes.items():
         phases[axis] = light_phases(setup, one.fringes, place_mm(one, setup), levels, _gamma(one))
         difference = stored(phases[axis].difference_rad, setup.scene.camera.detector.orientation)
-        axes[axis] = _moved(one, found.mask, difference)
+        axes[axis] = _moved(one, found.mask, difference, keep_orders)
     return ScreenCoordinates(found.mask, axes), phases
 
 
@@ -143,7 +124,7 @@ def _gamma(one: AxisCoordinates) -> float:
     return 1.0 if one.survey.harmonics[lowest] is None else one.survey.second[lowest].gamma
 
 
-def _moved(one: AxisCoordinates, mask: np.ndarray, difference: FloatArray) -> AxisCoordinates:
+def _moved(one: AxisCoordinates, mask: np.ndarray, difference: FloatArray, keep_orders: bool) -> AxisCoordinates:
     """Places from the phases less the differences, with the floor that they leave."""
     pixels = np.flatnonzero(mask)
 
@@ -153,8 +134,19 @@ def _moved(one: AxisCoordinates, mask: np.ndarray, difference: FloatArray) -> Ax
     phase = flat(one.phase_rad) - np.nan_to_num(flat(difference))
     error = flat(one.phase_error_rad)
     some = slice(None, None, max(1, len(pixels) // SAMPLE))
-    floor = phase_floor(phase[:, some], error[:, some], one.fringes.periods)
-    places = places_of_phases(one.fringes, phase, error, floor)
+    near = _orders(one, pixels) if keep_orders else None
+    few = None if near is None else Prior(near.fraction[some], near.standard_error[some])
+    floor = phase_floor(phase[:, some], error[:, some], one.fringes.periods, few)
+    places = places_of_phases(one.fringes, phase, error, floor, near)
+    if keep_orders:
+        places[2] = one.wrong.ravel()[pixels]
     grids = _on_grid(places, pixels, mask.shape)
     survey = replace(one.survey, floor_rad=floor)
     return replace(one, survey=survey, fraction=grids[0], standard_error=grids[1], wrong=grids[2], misfit=grids[3])
+
+
+def _orders(one: AxisCoordinates, pixels: np.ndarray) -> Prior:
+    """The places as they are, so vaguely that they tell the orders and nothing else."""
+    fraction = one.fraction.ravel()[pixels]
+    place = 1 - fraction if one.fringes.reverse else fraction
+    return Prior(place, np.full(len(pixels), SAME_ORDER / min(one.fringes.periods)))

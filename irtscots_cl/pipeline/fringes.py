@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from irtscots_cl.imaging.orientation import stored
-from irtscots_cl.maths.arrays import IntArray
+from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates
@@ -68,10 +68,7 @@ def write_fringes(
     from irtscots_cl.report.fringe_figures import write_fringe_figures
 
     result = found.result
-    points = result.setup.chief_rays.screen_model
-    in_frame = (
-        points.to_world(result.centroid_x_mm, result.centroid_y_mm) - points.frame.position_mm
-    ) @ points.frame.axes.T
+    in_frame = screen_points(result)
     outline = None if found.picture is None else found.picture.outline
     maps = FringeMaps(
         found.coordinates, in_frame, found.stored, found.reason, None if outline is None else outline.coverage
@@ -87,3 +84,12 @@ def write_fringes(
         write_fringe_figures(folder / "figures", result, found.coordinates, found.reason)
         write_text(folder / "scene.toml", result.nominal.to_toml())
         write_json(folder / "report.json", dict(facts))
+
+
+def screen_points(result: Reconstruction) -> FloatArray:
+    """Where the pixels' places are, [rows, columns, 3] upright in the screen's frame [mm]."""
+    points = result.setup.chief_rays.screen_model
+    found: FloatArray = (
+        points.to_world(result.centroid_x_mm, result.centroid_y_mm) - points.frame.position_mm
+    ) @ points.frame.axes.T
+    return found

@@ -19,6 +19,7 @@ from irtscots_cl.measurement.frame_survey import survey_frames
 from irtscots_cl.measurement.fringe_quality import check_frame_values
 from irtscots_cl.measurement.quality import Check
 from irtscots_cl.report.image_types import CameraFacts, ImageFileFacts
+from irtscots_cl.report.types import MeasuredFacts
 
 
 @dataclass(frozen=True)
@@ -150,6 +151,17 @@ class RecordedImages:
     def bad(self) -> BoolArray | None:
         """Bad pixels [rows, columns] as stored."""
         return None if self.lab is None else self.lab.bad
+
+    @property
+    def limit(self) -> float:
+        """From which on samples of images.frames are saturated; in calibrated frames these are no numbers."""
+        return self.ceiling if self.lab is None else math.inf
+
+    def add_facts(self, facts: MeasuredFacts) -> None:
+        """Add how the images were read, and what was known about the camera."""
+        facts["images"] = image_facts(self.images.recorded, self.ceiling)
+        if self.lab is not None:
+            facts["camera"] = self.lab.facts
 
 
 def recorded_images(images: FringeImages) -> RecordedImages:

@@ -11,6 +11,7 @@ from irtscots_cl.imaging.camera_files import CameraFiles
 from irtscots_cl.imaging.fringe_images import open_fringe_images
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.imaging.orientation import stored, upright
+from irtscots_cl.imaging.shown_frames import GRAY
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.colour_mosaic import check_mosaic
@@ -35,7 +36,7 @@ from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_pla
 from irtscots_cl.measurement.unwrapping import MARGIN
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, add_picture_facts, fringe_facts, write_fringes
-from irtscots_cl.pipeline.lab_camera import RecordedImages, image_facts, recorded_images
+from irtscots_cl.pipeline.lab_camera import RecordedImages, recorded_images
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
 from irtscots_cl.pipeline.picture import MaskChoice, look_at_mirror
 from irtscots_cl.report.types import MeasuredFacts
@@ -85,9 +86,7 @@ def measure_fringes(
     told = fringe_facts(found)
     told["excluded"] = Exclusions(found.reason).counts(found.stored(found.result.on_mirror))
     facts["fringes"] = told
-    facts["images"] = image_facts(images.recorded, recorded.ceiling)
-    if recorded.lab is not None:
-        facts["camera"] = recorded.lab.facts
+    recorded.add_facts(facts)
     add_picture_facts(facts, found)
     screen = "from 0 at the screen's -x (-y) edge to 1 at its +x (+y) edge"
     write_fringes(folder, found, facts, bars, {"screen fractions": screen})
@@ -121,21 +120,29 @@ def fringe_surface(
     masks = picture.masks(upright(lit, orientation), on_mirror, orientation)
     mask = masks["lit"] if masks["use"] is None else masks["lit"] & masks["use"]
     design = _design_fractions(setup, stack)
-    found = screen_coordinates(stack, mask=mask, prior=_prior(stack, design))
+    prior = _prior(stack, design)
+    found = screen_coordinates(stack, mask=mask, prior=prior)
     interruption.check()
+    coded = bool(images.manifest.numbers(GRAY))
+    if coded:
+        from irtscots_cl.pipeline.gray_orders import gray_orders  # few fringes come with a Gray code
+
+        found, more = gray_orders(recorded, found, setup)
+        checks += more
+        refuse_bad(checks, strict)
     shown = frames_shown(stack, found, design)
     frames = images.manifest.frames
     checks.append(
         check_frames(shown, lambda k: images.name(images.of_stack(k)), lambda k: frames[images.of_stack(k)].text)
     )
     refuse_bad(checks, strict)
-    checks += check_notes(found) + _prior_note(stack)
+    checks += check_notes(found) + ([] if coded else _prior_note(stack))
     why = exclusions(found, **masks, bad=recorded.bad)
     clipping = on_mirror if recorded.bad is None else on_mirror & ~upright(recorded.bad, orientation)
     checks.append(check_saturation(found, stored(clipping, orientation), recorded.ceiling))
     checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
     refuse_bad(checks, strict)
-    found, phases = places_of_light(found, setup, images.manifest.levels)
+    found, phases = places_of_light(found, setup, images.manifest.levels, keep_orders=bool(prior))
     why = exclusions(found, **masks, bad=recorded.bad)
     used = upright(why.used, orientation)
     checks += check_light(found, phases, setup, used & on_mirror)

@@ -44,11 +44,16 @@ def write_fringe_result(
 ) -> None:
     """Write result.h5: places on the screen, as fractions and in mm, modulation, mirror points, slopes and height, all
     [rows, columns] as the images are stored, with standard errors. attributes: of the file."""
-    upright = [*_screen(maps, result), *_surface(result, bars)]
+    upright = [*screen_rows(maps.points_mm, result), *surface_rows(result, bars)]
     if maps.coverage is not None:
         upright.append(("outline/coverage", maps.coverage.astype(np.float32), "1"))
     why: Rows = [] if maps.reason is None else [("excluded", maps.reason.astype(np.uint8), REASON_UNIT)]
     rows = [*why, *_fringes(maps.coordinates), *((name, maps.stored(values), unit) for name, values, unit in upright)]
+    write_rows(path, rows, attributes)
+
+
+def write_rows(path: Path, rows: Rows, attributes: Mapping[str, str]) -> None:
+    """Write datasets (name, values, unit) and attributes into an HDF5 file."""
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         for key, value in attributes.items():
             file.attrs[key] = value
@@ -83,15 +88,17 @@ def weakest_modulation(found: ScreenCoordinates) -> np.ndarray:
     return least
 
 
-def _screen(maps: FringeMaps, result: Reconstruction) -> Rows:
+def screen_rows(points_mm: FloatArray, result: Reconstruction) -> Rows:
+    """Where the pixels' places are, [rows, columns, 3] in the screen's frame, and their standard errors; upright."""
     errors = result.place_errors_mm or (np.full(result.mask.shape, np.nan),) * 2
     return [
-        *((f"screen/{axis}_mm", maps.points_mm[..., k], "mm") for k, axis in enumerate("xyz")),
+        *((f"screen/{axis}_mm", points_mm[..., k], "mm") for k, axis in enumerate("xyz")),
         *((f"screen/{axis}_standard_error_mm", error, "mm") for axis, error in zip("xy", errors, strict=True)),
     ]
 
 
-def _surface(result: Reconstruction, bars: ErrorBars) -> Rows:
+def surface_rows(result: Reconstruction, bars: ErrorBars) -> Rows:
+    """Mirror points, slopes and heights with standard errors, upright."""
     islands = result.islands or separate_islands(result.mask)
     return [
         ("mask", result.mask, "1"),

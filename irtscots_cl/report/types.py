@@ -345,6 +345,20 @@ class FringeFacts(TypedDict):
     noise: NotRequired[dict[str, float]]
 
 
+class PlaceFacts(TypedDict):
+    """What a Gray code or dots say. standard_error_mm: of the places on the screen, the median. excluded: the mirror's
+    pixels by the reason why they are not used, "used" among them. share_floor: error of a plane's share of black and
+    white that noise does not explain, by axis. dots: those shown in all frames, found and matched. distance_px: of the
+    used pixels from the next dot's image, median and farthest."""
+
+    standard_error_mm: AlongAxes
+    excluded: dict[str, int]
+    pixels_with_wrong_cell: NotRequired[float]
+    share_floor: NotRequired[AlongAxes]
+    dots: NotRequired[dict[str, int]]
+    distance_px: NotRequired[dict[str, float]]
+
+
 class MeasuredFacts(TypedDict):
     """What `irtscots reconstruct` tells of a lab's images, named as in report.json.
 
@@ -373,6 +387,7 @@ class MeasuredFacts(TypedDict):
     fringes: NotRequired[FringeFacts]
     images: NotRequired[ImageFileFacts]
     camera: NotRequired[CameraFacts]
+    places: NotRequired[PlaceFacts]
     geometry: NotRequired[GeometryFacts]
     mask: NotRequired[MaskFacts]
     outline: NotRequired[OutlineFacts]

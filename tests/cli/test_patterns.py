@@ -10,6 +10,7 @@ from PIL import Image
 
 from irtscots_cl import cli
 from irtscots_cl.imaging.fringe_manifest import read_manifest
+from irtscots_cl.imaging.screen_pictures import upright_values
 from irtscots_cl.scene.presets import load_scene
 
 
@@ -55,6 +56,23 @@ def test_text_says_what_to_do_next(tmp_path, capsys):
         (("--periods", 11), "--periods = 11: must be above 0 and at most 10.5"),
         (("--periods", "nan"), "--periods = nan: must be above 0"),
         (("--periods", 1, 1), "--periods = 1 1: must differ"),
+        (("--kind", "lines", "--steps", 4), "--steps: goes with --kind sinusoid or gray-phase, not with --kind lines"),
+        (("--line-width", 2), "--line-width: goes with --kind lines, not with --kind sinusoid"),
+        (("--kind", "gray-phase", "--periods", 2, 3), "--periods = 2 3: must be one for --kind gray-phase"),
+        (("--kind", "gray-phase", "--periods", 0.9), "x fringes of 0.9 periods over the screen need no Gray code"),
+        (("--kind", "gray", "--single-planes", "--dark-at"), "--single-planes: needs dark and white frames"),
+        (("--kind", "lines", "--line-step", 0), "lines: step = 0 pixels: must be above 0"),
+        (("--kind", "lines", "--line-step", 0.01), "lines: 1, 0.01, 0 pixels: must be multiples of 1/n of a pixel"),
+        (("--kind", "gray", "--gray-cell", 50), "Gray code: cells = 0.42: must be above 1"),
+        (("--kind", "dots", "--dot-pitch", 1), "dots: diameter 2, pitch 1 pixels: must be above 0"),
+        (
+            (
+                "--kind",
+                "pictures",
+            ),
+            "--pictures: must name the files",
+        ),
+        (("--dark-frames", 0), "--dark-frames = 0: must be from 1 to 1000"),
     ],
 )
 def test_refused_with_one_line(tmp_path, capsys, arguments, said):
@@ -67,3 +85,38 @@ def test_a_file_in_the_folder_s_place_is_refused(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     code, _, err = run(capsys, "sphere", "--out", tmp_path / "file")
     assert code == 2 and "is not a folder" in err and err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "count", "said"),
+    [
+        ("lines", ("--line-width", 1.5, "--line-step", 0.5), 2 + 2 * 40, "lines along x, y: 40, 40, 1.5 pixels wide"),
+        ("gray", ("--single-planes",), 2 + 2 * 3, "x Gray code: 7 cells in 3 planes"),
+        ("gray-phase", (), 2 + 2 * (2 * 2 + 4), "x fringes: 2.46 periods over the screen, 4 steps each"),
+        ("dots", ("--dot-shifts", 2), 2 + 4, "dots of 2 pixels, 10 pixels apart, 4 frames"),
+    ],
+)
+def test_other_kinds(tmp_path, capsys, kind, options, count, said):
+    """Each picture holds what its frame says, to half a level; people are told the numbers."""
+    code, out, err = run(capsys, "sphere", "--kind", kind, "--out", tmp_path, *options, "--order", "interleaved")
+    assert (code, err) == (0, "") and said in out and f"{count} pictures of 21 x 21 pixels" in out
+    scene = load_scene("sphere")
+    for frame in read_manifest(tmp_path / "manifest.toml", scene).frames:
+        with Image.open(tmp_path / frame.picture) as file:
+            values = np.asarray(file)[::-1, ::-1] / 255
+        assert np.abs(values - upright_values(frame, scene)).max() <= 0.501 / 255
+        assert frame.shows in ("dark", "white") or values.any()
+
+
+def test_pictures_of_the_users(tmp_path, capsys):
+    values = np.random.default_rng(1).random((2, 21, 21))
+    for k, one in enumerate(values):
+        np.save(tmp_path / f"p{k}.npy", one)
+    files = [tmp_path / f"p{k}.npy" for k in (1, 0)]
+    code, out, _ = run(
+        capsys, "sphere", "--kind", "pictures", "--out", tmp_path / "o", "--levels", 16, "--pictures", *files
+    )
+    assert code == 0 and "2 pictures of yours" in out and "reconstruct" not in out
+    for name, wanted in (("2-picture.png", values[1]), ("3-picture.png", values[0])):
+        with Image.open(tmp_path / "o" / name) as file:
+            assert np.abs(np.asarray(file) / 65535 - wanted).max() < 1e-5

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 import irtscots_cl as irt
+from irtscots_cl.imaging.dots import DotGrid
 from irtscots_cl.imaging.fringe_manifest import (
     FringeManifest,
     ShownFrame,
@@ -21,6 +22,9 @@ from irtscots_cl.imaging.fringe_manifest import (
     read_manifest,
 )
 from irtscots_cl.imaging.fringes import FringeSet
+from irtscots_cl.imaging.gray_code import GraySet
+from irtscots_cl.imaging.line_pictures import LineSet
+from irtscots_cl.imaging.sequences import TimeOrder, fringe_series, in_order
 
 SETS = (FringeSet.equal("x", (0.9, 3.0), 4), FringeSet.equal("y", (0.9, 2.5), 7))
 
@@ -169,3 +173,72 @@ class TestImagePaths:
 def test_a_frame_tells_what_it_shows():
     assert ShownFrame("white").text == "white"
     assert ShownFrame("fringes", "x", 0.9, 90.0).text == "x fringes of 0.9 periods at 90 degrees"
+
+
+def series_of(kind):
+    """Series by axis of each kind for a screen of 21 x 21 pixels."""
+    if kind == "lines":
+        return {axis: [LineSet(1.25, 0.75, 0.5).series(axis, 21)] for axis in "xy"}
+    if kind == "dots":
+        return {"": [DotGrid(7.5, 2.25, 3).series((21, 21))]}
+    if kind == "pictures":
+        return {"": [[ShownFrame("picture")] * 3]}
+    codes = (GraySet("x", 12.25), GraySet("y", 7.0, inverted=False))
+    fringes = [FringeSet.equal(code.axis, (code.cells,), 5) for code in codes] if kind == "gray-phase" else ()
+    found = {code.axis: [code.series()] for code in codes}
+    for one in fringes:
+        found[one.axis] += fringe_series(one)
+    return found
+
+
+@pytest.mark.parametrize("kind", ["lines", "gray", "gray-phase", "dots", "pictures"])
+@pytest.mark.parametrize("axes", ["x-then-y", "y-then-x", "interleaved"])
+def test_all_kinds_and_orders_are_read_back(path, kind, axes):
+    """Every value of every frame, dark and white frames at all places among them."""
+    places = ("start", "between", "end")
+    frames = in_order(series_of(kind), TimeOrder(axes, places, places, 2, 3))
+    found = read_manifest(written(path, frames=frames), irt.load_scene("sphere"))
+    assert found.frames == frames and 'kind = "patterns on a screen"' in path.read_text(encoding="utf-8")
+    blocks = 4 if kind == "gray-phase" and axes != "interleaved" else 2
+    assert len(found.numbers("dark")) == 2 * (blocks + 1) and len(found.numbers("white")) == 3 * (blocks + 1)
+    assert len({frame.picture for frame in frames}) == len(frames)
+
+
+@pytest.mark.parametrize(
+    ("kind", "old", "new", "said"),
+    [
+        ("lines", "width_px = 1.25", "width_px = 0", r"frames\[2\].width_px = 0: must be above 0"),
+        ("lines", 'axis = "y"', 'axis = "x"', "frames: line along x; must be along x and y"),
+        ("gray", "bit = 1", "bit = 1.5", "bit = 1.5: must be a whole number from 0 to 31"),
+        ("gray", "inverted = true", 'inverted = "yes"', "inverted = 'yes': must be true or false"),
+        (
+            "gray",
+            "cells = 12.25, bit = 1",
+            "cells = 12.5, bit = 1",
+            "cells = 12.5: must be 12.25, as of the planes before",
+        ),
+        ("gray-phase", "periods = 12.25", "periods = 12.5", "must be one number of periods, equal to that of cells"),
+        ("gray-phase", "bits = 8", 'bits = 8\nreverse = ["x"]', "must be left out with a Gray code"),
+        ("dots", "pitch_px = 7.5", "pitch_px = -1", "pitch_px = -1: must be above 0"),
+        ("dots", "first_px = [", "first_px = [3, ", r"must be \[x, y\]"),
+        (
+            "dots",
+            'shows = "dots", pitch_px',
+            'shows = "picture", pitch_px',
+            "pitch_px: must be left out of a frame that",
+        ),
+        (
+            "gray",
+            'shows = "dark"',
+            'shows = "picture"',
+            "frames: show gray and picture: must be fringes, lines, a Gray",
+        ),
+    ],
+)
+def test_what_is_wrong_in_other_kinds_is_named(path, kind, old, new, said):
+    text = written(path, frames=in_order(series_of(kind))).read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(ValueError, match=said) as caught:
+        read_manifest(path)
+    assert str(caught.value).startswith(str(path)) and "\n" not in str(caught.value)

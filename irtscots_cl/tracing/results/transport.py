@@ -14,6 +14,7 @@ import numpy as np
 from irtscots_cl.imaging.fringes import FringeScan, FringeStack
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.imaging.patterns import LineScan
+from irtscots_cl.imaging.pictures import Pictures
 from irtscots_cl.opencl.structs import WEIGHT_ONE, Fate
 from irtscots_cl.optics.screen_windows import Windows
 from irtscots_cl.scene.model import Scene
@@ -36,11 +37,14 @@ class TraceResult:
     def images(self, pattern: LineScan) -> ImageStack: ...
     @overload
     def images(self, pattern: FringeScan) -> FringeStack: ...
+    @overload
+    def images(self, pattern: Pictures) -> np.ndarray: ...
 
-    def images(self, pattern: LineScan | FringeScan) -> ImageStack | FringeStack:
-        """The images of a pattern, without new rays: of both scans, or of fringes the mean over all rays.
+    def images(self, pattern: LineScan | FringeScan | Pictures) -> ImageStack | FringeStack | np.ndarray:
+        """The images of a pattern, without new rays: of both scans, or of fringes or pictures the mean over all rays.
 
-        ValueError for a pattern of another screen.
+        Of pictures [pictures, rows, columns] in W. ValueError for a pattern of another screen, and for pictures that
+        need a map of transport where there is none.
         """
         if pattern.scene.screen.pixels != self.scene.screen.pixels:
             raise ValueError(
@@ -49,6 +53,11 @@ class TraceResult:
             )
         if isinstance(pattern, FringeScan):
             return self.fringe_images(pattern)
+        if isinstance(pattern, Pictures):
+            columns, rows = self.scene.camera.detector.pixels
+            images = np.zeros((len(pattern.values), rows * columns))
+            images[:, self.windows.pixels] = self.picture_flux_w(pattern.radiance)
+            return images.reshape(-1, rows, columns)
         return ImageStack(*(self._scan(pattern, axis) for axis in ("x", "y")))
 
     def fringe_images(self, pattern: FringeScan, replicate: int | None = None) -> FringeStack:
@@ -61,8 +70,8 @@ class TraceResult:
         white = np.zeros(rows * columns)
         first = 0
         for fringes in pattern.sets:
-            flux = self.line_flux_w(fringes.axis)
-            curves = flux[replicate] if replicate is not None else np.tensordot(self.rays / self.rays.sum(), flux, 1)
+            axis = fringes.axis
+            curves = self.mean_curves_w(axis) if replicate is None else self.line_flux_w(axis)[replicate]
             origins = self.windows.origins[:, "xy".index(fringes.axis)].astype(np.int64)
             lines = origins[:, None] + np.arange(curves.shape[1])
             for frame in pattern.radiance(fringes):
@@ -71,6 +80,15 @@ class TraceResult:
             white[self.windows.pixels] = curves.sum(1)
         shape = (rows, columns)
         return FringeStack(pattern.sets, frames.reshape(-1, *shape), np.zeros(shape), white.reshape(shape), unit="W")
+
+    def mean_curves_w(self, axis: str) -> np.ndarray:
+        """Light curves [n, window] in W under single columns ("x") or rows ("y"), the mean over all rays."""
+        curves: np.ndarray = np.tensordot(self.rays / self.rays.sum(), self.line_flux_w(axis), 1)
+        return curves
+
+    def picture_flux_w(self, radiance: np.ndarray) -> np.ndarray:
+        """Flux [pictures, n] in W for relative radiances [pictures, rows, columns] of the screen's pixels."""
+        raise NotImplementedError
 
     def _scan(self, pattern: LineScan, axis: str) -> Scan:
         columns, rows = self.scene.camera.detector.pixels
@@ -135,6 +153,10 @@ class Transport(TraceResult):
         factor = 1.0 if brightness is None else self.windows.gather(brightness)
         return np.stack([(self.flux_w(r) * factor).sum(summed) for r in range(self.replicates)])
 
+    def picture_flux_w(self, radiance: np.ndarray) -> np.ndarray:
+        flux_w = self.flux_w()
+        return np.stack([np.einsum("nij,nij->n", flux_w, self.windows.gather(one)) for one in radiance])
+
     def standard_error_w(self) -> np.ndarray:
         """Standard error of flux_w() per bin, from the scatter of the replicates; NaN with fewer than two."""
         if self.replicates < 2:
@@ -173,6 +195,22 @@ class LineLight(TraceResult):
                 "must be None, or trace by adjoint or forward"
             )
         return self.flux_w[axis]
+
+    def picture_flux_w(self, radiance: np.ndarray) -> np.ndarray:
+        """Of pictures that are the same along columns or along rows; ValueError for others."""
+        return np.stack([self._striped_flux_w(k, one) for k, one in enumerate(radiance)])
+
+    def _striped_flux_w(self, number: int, radiance: np.ndarray) -> np.ndarray:
+        for axis, line, whole in (("x", radiance[0], radiance), ("y", radiance[:, 0], radiance.T)):
+            if (whole == line).all():
+                curves = self.mean_curves_w(axis)
+                first = self.windows.origins[:, "xy".index(axis), None].astype(np.int64)
+                flux: np.ndarray = (curves * line[first + np.arange(curves.shape[1])]).sum(1)
+                return flux
+        raise ValueError(
+            f"picture {number}: not the same along columns or rows: the analytic and the smoothed estimator know "
+            "lines only; must be traced by adjoint or forward"
+        )
 
 
 def line_flux(counts: np.ndarray, windows: Windows, unit_w: np.ndarray, rays: np.ndarray) -> dict[str, np.ndarray]:
