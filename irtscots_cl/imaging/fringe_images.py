@@ -47,6 +47,10 @@ class FringeImages:
         file, page = self.frames.place(number)
         return f"image {number + 1} ({file.path.name}{f' frame {page + 1}' if file.count > 1 else ''})"
 
+    def names_of(self, shows: str) -> str:
+        """The images of DARK or WHITE frames in messages."""
+        return ", ".join(self.name(k) for k in self.manifest.numbers(shows)[:SHOWN])
+
     def of_stack(self, number: int) -> int:
         """Number of an image of the stack."""
         return self.manifest.order[number]

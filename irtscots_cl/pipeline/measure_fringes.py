@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from irtscots_cl.imaging.fringe_images import FringeImages, open_fringe_images
+from irtscots_cl.imaging.fringe_manifest import DARK, WHITE
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.imaging.mask_files import read_mask
 from irtscots_cl.imaging.orientation import stored, upright
@@ -15,12 +17,19 @@ from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.frame_survey import survey_frames
-from irtscots_cl.measurement.fringe_frames import frames_shown
+from irtscots_cl.measurement.fringe_factors import EQUAL_FRAMES, frame_factors, without_gains
+from irtscots_cl.measurement.fringe_frame_checks import (
+    check_black,
+    check_brightness,
+    check_changes,
+    check_frame_values,
+    check_frames,
+    check_references,
+)
+from irtscots_cl.measurement.fringe_frames import ShownFrames, frames_shown
 from irtscots_cl.measurement.fringe_light import place_mm, places_of_light
 from irtscots_cl.measurement.fringe_quality import (
     Exclusions,
-    check_frame_values,
-    check_frames,
     check_geometry,
     check_light,
     check_notes,
@@ -106,32 +115,56 @@ def fringe_surface(
     stack = images.stack(ceiling)
     orientation = setup.scene.camera.detector.orientation
     on_mirror = setup.chief_rays.footprint.coverage >= COVERAGE
-    lit = find_mask(stack, largest=False)
-    mask = lit if use is None else lit & use
     design = _design_fractions(setup, stack)
-    found = screen_coordinates(stack, mask=mask, prior=_prior(stack, design))
-    interruption.check()
-    shown = frames_shown(stack, found, design)
-    frames = images.manifest.frames
-    checks.append(
-        check_frames(shown, lambda k: images.name(images.of_stack(k)), lambda k: frames[images.of_stack(k)].text)
-    )
-    refuse_bad(checks, strict)
+    found, shown, lit, more = _places_by_frames(images, stack, design, use, strict)
+    checks += more
     checks += check_notes(found) + _prior_note(stack)
     why = exclusions(found, lit, use)
-    checks.append(check_saturation(found, stored(on_mirror, orientation), ceiling))
+    mirror = stored(on_mirror, orientation)
+    checks.append(check_saturation(found, mirror, ceiling, shown, lambda k: images.name(images.of_stack(k))))
     checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
     refuse_bad(checks, strict)
     found, phases = places_of_light(found, setup, images.manifest.levels)
     why = exclusions(found, lit, use)
     used = upright(why.used, orientation)
     checks += check_light(found, phases, setup, used & on_mirror)
-    checks.append(check_pixels(why.counts(stored(on_mirror, orientation))))
+    checks.append(check_pixels(why.counts(mirror)))
     refuse_bad(checks, strict)
     result = surface_from_places(
         _places(found, setup, used), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
     )
     return FringeResult(result, found, reason=why.reason), checks
+
+
+def _places_by_frames(
+    images: FringeImages, stack: FringeStack, design: dict[str, FloatArray], use: BoolArray | None, strict: bool
+) -> tuple[ScreenCoordinates, ShownFrames, BoolArray, list[Check]]:
+    """Places, what the images show, the pixels that are lit, and the checks of the frames.
+
+    The frames' brightness is divided out where they tell it. Raises RefusedImagesError.
+    """
+
+    def name(k: int) -> str:
+        return images.name(images.of_stack(k))
+
+    dark, white = (images.names_of(shows) for shows in (DARK, WHITE))
+    means = [math.nan if image is None else float(np.mean(image)) for image in (stack.dark, stack.white)]
+    if means[1] < means[0]:
+        refuse_bad([check_references(*means, EQUAL_FRAMES, dark, white)], strict)
+    lit = find_mask(stack, largest=False)
+    factors = frame_factors(stack, lit)
+    checks = [check_references(*means, factors, dark, white)]
+    refuse_bad(checks, strict)
+    equal = without_gains(stack, factors.gains) if factors.divided else stack
+    found = screen_coordinates(equal, mask=lit if use is None else lit & use, prior=_prior(stack, design))
+    interruption.check()
+    shown = frames_shown(equal, found, design)
+    frames = images.manifest.frames
+    checks.append(check_frames(shown, name, lambda k: frames[images.of_stack(k)].text))
+    refuse_bad(checks, strict)
+    series = [len(steps) for one in stack.sets for steps in one.steps_rad]
+    checks += [check_brightness(factors, series, name), *check_changes(factors, name), check_black(factors, name)]
+    return found, shown, lit, checks
 
 
 def _design_fractions(setup: Setup, stack: FringeStack) -> dict[str, FloatArray]:
