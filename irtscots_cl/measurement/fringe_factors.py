@@ -19,7 +19,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from irtscots_cl.imaging.fringes import FringeStack
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
@@ -37,10 +37,14 @@ PRIOR = 0.3  # standard deviation of a gain before the images say more: what the
 FALSE_ALARM = 1e-6  # chance that equal frames are found to differ
 HARMONICS = (2, 3)  # that a screen's gamma adds, and that are no change between frames
 BRIGHTNESS, LIGHT, MOTION, OTHER = "brightness", "light", "motion", "other"
-LEAST = {BRIGHTNESS: 0.001, LIGHT: 0.003, MOTION: 0.03}  # parts of the light, pixels: less is not told
+FALSE_GAINS = 1e-4  # the same of gains, which do no harm where they are divided out
+MODEL_GAIN = 0.001  # standard deviation: what a screen's values in whole numbers may feign
+ALONE = 0.1  # of the largest gain's difference: the others' are less where one frame differs
+LEAST = {LIGHT: 0.003, MOTION: 0.03}  # parts of the light, pixels: less is not told
 MOST = 0.7  # of what noise and harmonics leave, that a change must explain to be believed
 OF_SERIES = 0.97  # of what gains of all frames explain: so much by one gain for each series will do
 NEARLY = 0.9  # of what changes of all frames explain: so much by one frame, or from one frame on, is the answer
+HARMONIC = 1e-6  # the same of harmonics
 NULL = 1e-9  # of the largest eigenvalue: directions below it are not determined
 MODEL = 0.003  # of the light: what the screen's values in whole numbers and high harmonics may leave of it
 BEYOND = 0.25  # of the fringes' swing: noise hardly makes a sample brighter than white by so much
@@ -91,11 +95,13 @@ EQUAL_FRAMES = FrameFactors(np.ones(1), np.zeros(1), (), (1.0, 1.0), 0.0, np.zer
 
 @dataclass(frozen=True)
 class _Samples:
-    """values, along_x, along_y: [N, n] samples and half differences of their neighbours; dark, column, row: [n].
+    """values, left, right, along_y: [N, n] samples, those of the neighbours, and half differences of the neighbours in
+    the rows above and below; dark, column, row: [n].
     at_zero, white, black: as FrameFactors.at_zero, white, dark."""
 
     values: FloatArray
-    along_x: FloatArray
+    left: FloatArray
+    right: FloatArray
     along_y: FloatArray
     dark: FloatArray
     column: FloatArray
@@ -184,10 +190,10 @@ def frame_factors(stack: FringeStack, mask: BoolArray, steps_rad: Sequence[Float
         if before.square - instead.square > OF_SERIES * (before.square - after.square):
             gains, after = common, instead
     changes = []
-    brightness = _brightness(before, after, gains, light)
+    brightness = _brightness(before, after, gains, error)
     if brightness is None:
         gains, after = np.ones(count), before
-    elif brightness.explained:
+    else:
         changes.append(brightness)
     other = _other_change(after, samples, sigma, gains)
     changes += [] if other is None else [other]
@@ -245,18 +251,18 @@ def _sample(stack: FringeStack, mask: BoolArray) -> _Samples:
                 around = [np.asarray(flat[pixels + step], float) for step in (0, 1, -1, columns, -columns)]
                 for values in around:
                     complete &= np.isfinite(values) & (values < stack.saturation)
-                rows.append((around[0], (around[1] - around[2]) / 2, (around[3] - around[4]) / 2))
+                rows.append((around[0], around[2], around[1], (around[3] - around[4]) / 2))
                 zero.append(np.mean(around[0][inside] <= 0) if image.dtype.kind in "iu" and inside.any() else 0.0)
                 most, least = np.fmax(most, around[0]), np.fmin(least, around[0])
     dark = np.zeros(len(pixels)) if stack.dark is None else np.asarray(stack.dark, float).ravel()[pixels]
     row, column = np.divmod(pixels, columns)
-    values, along_x, along_y = (np.stack(part)[:, complete] for part in zip(*rows, strict=True))
+    shown = (np.stack(part)[:, complete] for part in zip(*rows, strict=True))
     clear = inside & (most < stack.saturation) & np.isfinite(most)
     swing = most - least
     white = 0.0 if stack.white is None else _share(clear, np.asarray(stack.white, float).ravel()[pixels] - most, swing)
     black = 0.0 if stack.dark is None else _share(clear, least - dark, swing)
     place = column[complete].astype(float), row[complete].astype(float)
-    return _Samples(values, along_x, along_y, dark[complete], *place, np.array(zero), white, black)
+    return _Samples(*shown, dark[complete], *place, np.array(zero), white, black)
 
 
 def _share(clear: BoolArray, margin: FloatArray, swing: FloatArray) -> float:
@@ -266,7 +272,14 @@ def _share(clear: BoolArray, margin: FloatArray, swing: FloatArray) -> float:
 
 def _sigma(light: _Light, samples: _Samples) -> FloatArray | None:
     """Noise [n] of the samples, from the differences of neighbours: what is smooth over the image is not in it."""
-    square = 2 * np.square(light.rest @ samples.along_x).sum(0)
+    # harmonics are not noise: their part is that of the pixels in between
+    left, right = (list(light.harmonics(side)) for side in (samples.left, samples.right))
+    shapes = [light.rest @ shape for shape in light.harmonics(samples.values)]
+    share = _shares(shapes, light.rest @ samples.values)
+    differ = (samples.right - samples.left) / 2
+    for part, a, b in zip(share, left, right, strict=True):
+        differ = differ - part * (b - a) / 2
+    square = 2 * np.square(light.rest @ differ).sum(0)
     freedom = np.full(len(square), float(light.freedom))
     signal = samples.values.mean(0)
     noise = estimate_noise(square, freedom, signal)
@@ -274,6 +287,16 @@ def _sigma(light: _Light, samples: _Samples) -> FloatArray | None:
         return None
     variance = noise.variance(signal)
     return None if not variance.min() > 0 else np.sqrt(variance)
+
+
+def _shares(shapes: list[FloatArray], left: FloatArray) -> FloatArray:
+    """Least squares of what is left [N, n] by shapes [N, n]; 0 for those that are nothing."""
+    matrix = np.array([[float((a * b).sum()) for b in shapes] for a in shapes]).reshape(len(shapes), len(shapes))
+    right = np.array([float((a * left).sum()) for a in shapes])
+    if not shapes or not matrix.any():
+        return np.zeros(len(shapes))
+    found: FloatArray = np.linalg.pinv(matrix, rcond=HARMONIC, hermitian=True) @ right
+    return found
 
 
 @dataclass(frozen=True)
@@ -292,9 +315,7 @@ class _Fit:
         left = light.rest @ values / sigma
         shapes = [light.rest @ shape / sigma for shape in light.harmonics(values)]
         shapes = [shape for shape in shapes if np.square(shape).sum() > 1e-6 * np.square(values / sigma).sum()]
-        matrix = np.array([[float((a * b).sum()) for b in shapes] for a in shapes]).reshape(len(shapes), len(shapes))
-        right = np.array([float((a * left).sum()) for a in shapes])
-        size = np.linalg.pinv(matrix, rcond=NULL, hermitian=True) @ right if shapes else right
+        size = _shares(shapes, left)
         for share, shape in zip(size, shapes, strict=True):
             left = left - share * shape
         return cls(light, values, left, tuple(shapes), float(np.square(left).sum()))
@@ -352,26 +373,21 @@ def _hypotheses(count: int) -> Iterator[tuple[int, bool, FloatArray]]:
         yield k, True, np.where(np.arange(count) >= k, 1.0, 0.0)
 
 
-def _brightness(before: _Fit, after: _Fit, gains: FloatArray, light: _Light) -> FrameChange | None:
-    """None where no gain is beyond chance; explained = 0 for one that is divided out and not worth a word."""
+def _brightness(before: _Fit, after: _Fit, gains: FloatArray, error: FloatArray) -> FrameChange | None:
+    """None where the gains are those of equal frames, or do not explain what noise leaves."""
     gained = before.square - after.square
     over = before.square - before.freedom
-    if not gained > chi2.isf(FALSE_ALARM, len(gains)) or not gained > MOST * over:
+    if not gained > MOST * over or gains.min() < 1.01 * LIMITS[0] or gains.max() > 0.99 * LIMITS[1]:
+        return None  # a gain at its limit: a frame without its light
+    off = np.log(gains)
+    sigmas = np.abs(off) / np.hypot(error, MODEL_GAIN)
+    chance = min(float(chi2.sf(np.square(sigmas).sum(), len(gains) - 1)), 2 * len(gains) * float(norm.sf(sigmas.max())))
+    if chance > FALSE_GAINS:
         return None
-    if gains.min() < 1.01 * LIMITS[0] or gains.max() > 0.99 * LIMITS[1]:  # a frame without its light, or all others
-        return None
-    within = np.concatenate([
-        gains[start:end] / np.median(gains[start:end]) for start, end in pairwise(light.ends)
-    ])  # fmt: skip
-    off = np.abs(np.log(gains))
-    worst = int(np.argmax(off))
+    worst = int(np.argmax(np.abs(off)))
+    alone = np.delete(np.abs(off), worst).max() < ALONE * abs(off[worst])
     share = gained / max(over, gained)
-    if np.abs(within - 1).max() < LEAST[BRIGHTNESS] and off.max() < LEAST[BRIGHTNESS]:
-        return FrameChange(BRIGHTNESS, -1, False, float(gains[worst]), 0.0)
-    others = np.delete(off, worst)
-    if others.max() < 0.1 * off[worst]:
-        return FrameChange(BRIGHTNESS, worst, False, float(gains[worst]), share)
-    return FrameChange(BRIGHTNESS, -1, False, float(gains[worst]), share)
+    return FrameChange(BRIGHTNESS, worst if alone else -1, False, float(gains[worst]), share)
 
 
 def _other_change(fit: _Fit, samples: _Samples, sigma: FloatArray, gains: FloatArray) -> FrameChange | None:
@@ -393,7 +409,7 @@ def _linear(kind: str, fit: _Fit, samples: _Samples, sigma: FloatArray, gains: F
         across = [(part - part.mean()) / max(np.ptp(part), 1.0) for part in (samples.column, samples.row)]
         shapes = np.stack([one * part / sigma for part in (np.ones_like(sigma), *across)])
     else:
-        sides = (samples.along_x, samples.along_y)
+        sides = ((samples.right - samples.left) / 2, samples.along_y)
         shapes = np.stack([-fit.light.part(side / gains[:, None]) / sigma for side in sides])
     normal, right = fit.explained(shapes)
 

@@ -156,7 +156,14 @@ def _places_by_frames(
     checks = [check_references(*means, factors, dark, white)]
     refuse_bad(checks, strict)
     equal = without_gains(stack, factors.gains) if factors.divided else stack
-    found = screen_coordinates(equal, mask=lit if use is None else lit & use, prior=_prior(stack, design))
+    mask, prior = lit if use is None else lit & use, _prior(stack, design)
+    found = screen_coordinates(equal, mask=mask, prior=prior)
+    taken = _other_steps(stack, found)
+    if taken and not factors.divided:  # what looked like other frames may be other steps
+        factors = frame_factors(stack, lit, taken)
+        if factors.divided:
+            equal = without_gains(stack, factors.gains)
+            found = screen_coordinates(equal, mask=mask, prior=prior)
     interruption.check()
     shown = frames_shown(equal, found, design)
     frames = images.manifest.frames
@@ -165,6 +172,13 @@ def _places_by_frames(
     series = [len(steps) for one in stack.sets for steps in one.steps_rad]
     checks += [check_brightness(factors, series, name), *check_changes(factors, name), check_black(factors, name)]
     return found, shown, lit, checks
+
+
+def _other_steps(stack: FringeStack, found: ScreenCoordinates) -> list[FloatArray]:
+    """The steps of all series, if they are not those said; else none."""
+    said = [np.asarray(steps) for one in stack.sets for steps in one.steps_rad]
+    taken = [np.asarray(steps) for one in stack.sets for steps in found.axes[one.axis].survey.steps_rad]
+    return [] if all(np.array_equal(a, b) for a, b in zip(said, taken, strict=True)) else taken
 
 
 def _design_fractions(setup: Setup, stack: FringeStack) -> dict[str, FloatArray]:
