@@ -13,29 +13,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 from scipy.stats import chi2, norm
 
 from irtscots_cl.imaging.fringes import FringeStack
-from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.fringe_noise import estimate_noise
+from irtscots_cl.measurement.fringe_samples import FrameSamples, FringeLight, frame_samples
+from irtscots_cl.measurement.photon_transfer import PhotonTransfer, photon_transfer
 from irtscots_cl.system import interruption
 
-SAMPLE = 4000  # pixels
-RIM = 2  # pixels around the mirror that count: motion shows there
-TINY = 1e-3
 LEAST_PIXELS = 100  # with all their samples
 ROUNDS = 20  # of finding gains, which are no small changes
 SETTLED = 1e-5
 LIMITS = (0.1, 10.0)  # of a gain
 PRIOR = 0.3  # standard deviation of a gain before the images say more: what they do not tell stays at 1
 FALSE_ALARM = 1e-6  # chance that equal frames are found to differ
-HARMONICS = (2, 3)  # that a screen's gamma adds, and that are no change between frames
 BRIGHTNESS, LIGHT, MOTION, OTHER = "brightness", "light", "motion", "other"
 FALSE_GAINS = 1e-4  # the same of gains, which do no harm where they are divided out
 MODEL_GAIN = 0.001  # standard deviation: what a screen's values in whole numbers may feign
@@ -44,10 +40,11 @@ LEAST = {LIGHT: 0.003, MOTION: 0.03}  # parts of the light, pixels: less is not 
 MOST = 0.7  # of what noise and harmonics leave, that a change must explain to be believed
 OF_SERIES = 0.97  # of what gains of all frames explain: so much by one gain for each series will do
 NEARLY = 0.9  # of what changes of all frames explain: so much by one frame, or from one frame on, is the answer
+USEFUL = 0.02  # of a sample's noise, that the light of all leaves in its residual
+OUTLIER = 10.0  # times the noise's variance: a pixel at an edge
 HARMONIC = 1e-6  # the same of harmonics
 NULL = 1e-9  # of the largest eigenvalue: directions below it are not determined
 MODEL = 0.003  # of the light: what the screen's values in whole numbers and high harmonics may leave of it
-BEYOND = 0.25  # of the fringes' swing: noise hardly makes a sample brighter than white by so much
 TIE = 0.95  # of what the best frame explains: another one cannot be told from it
 EXCESS = 1.3  # mean square of the residuals over that of noise, below which nothing is left to explain
 
@@ -73,7 +70,8 @@ class FrameFactors:
     frames do not tell. changes: what is beyond chance, brightness first. excess: mean square of the residuals over
     that of noise, as recorded and with the gains divided out; NaN where too few pixels tell. residual: rms of what is
     then not noise, over the screen's mean light. at_zero: [N] share of the samples that are 0 in whole numbers. white:
-    share of the pixels that are brighter in fringes than in the white image; dark: darker than in the dark one."""
+    share of the pixels that are brighter in fringes than in the white image; dark: darker than in the dark one.
+    transfer: noise against light, from differences of neighbours."""
 
     gains: FloatArray
     gain_error: FloatArray
@@ -83,6 +81,7 @@ class FrameFactors:
     at_zero: FloatArray = field(repr=False)
     white: float = 0.0
     dark: float = 0.0
+    transfer: PhotonTransfer | None = field(default=None, repr=False)
 
     @property
     def divided(self) -> bool:
@@ -93,77 +92,15 @@ class FrameFactors:
 EQUAL_FRAMES = FrameFactors(np.ones(1), np.zeros(1), (), (1.0, 1.0), 0.0, np.zeros(1))
 
 
-@dataclass(frozen=True)
-class _Samples:
-    """values, left, right, along_y: [N, n] samples, those of the neighbours, and half differences of the neighbours in
-    the rows above and below; dark, column, row: [n].
-    at_zero, white, black: as FrameFactors.at_zero, white, dark."""
-
-    values: FloatArray
-    left: FloatArray
-    right: FloatArray
-    along_y: FloatArray
-    dark: FloatArray
-    column: FloatArray
-    row: FloatArray
-    at_zero: FloatArray
-    white: float
-    black: float
-
-    @property
-    def mean_light(self) -> float:
-        """Of the screen, in counts; at least a little."""
-        return max(float(np.mean(self.values.mean(0) - self.dark)), TINY * float(np.ptp(self.values)), 1e-30)
-
-
-@dataclass(frozen=True)
-class _Light:
-    """ends: of the series. rest: [N, N] what the light leaves of samples; basis: [N, P]."""
-
-    steps: tuple[FloatArray, ...]
-    ends: IntArray
-    basis: FloatArray
-    rest: FloatArray
-
-    @classmethod
-    def of(cls, steps: Sequence[FloatArray]) -> _Light:
-        ends = np.cumsum([0, *map(len, steps)])
-        basis = np.zeros((ends[-1], 1 + 2 * len(steps)))
-        basis[:, 0] = 1.0
-        for k, (own, (start, end)) in enumerate(zip(steps, pairwise(ends), strict=True)):
-            basis[start:end, 1 + 2 * k], basis[start:end, 2 + 2 * k] = np.cos(own), np.sin(own)
-        return cls(tuple(steps), ends, basis, np.eye(len(basis)) - basis @ np.linalg.pinv(basis))
-
-    @property
-    def freedom(self) -> int:
-        count, parameters = self.basis.shape
-        return int(count - parameters)
-
-    def part(self, values: FloatArray) -> FloatArray:
-        """What of values [N, n] the light explains."""
-        return values - self.rest @ values
-
-    def harmonics(self, values: FloatArray) -> Iterator[FloatArray]:
-        """Samples [N, n] of each series' harmonics, of amplitude 1 of the first."""
-        found = np.linalg.pinv(self.basis) @ values
-        for k, (own, (start, end)) in enumerate(zip(self.steps, pairwise(self.ends), strict=True)):
-            cosine, sine = found[1 + 2 * k : 3 + 2 * k]
-            phase, amplitude = np.arctan2(sine, cosine), np.hypot(cosine, sine)
-            for order in HARMONICS:
-                shape = np.zeros_like(values)
-                shape[start:end] = amplitude * np.cos(order * (phase - own[:, None]))
-                yield shape
-
-
 def frame_factors(stack: FringeStack, mask: BoolArray, steps_rad: Sequence[FloatArray] | None = None) -> FrameFactors:
     """What changed between the frames of a stack. mask: [rows, columns] that see the mirror.
 
     steps_rad: of all series of all sets; None: as said. All pixels must have one light in all series.
     """
     said = [np.asarray(s, float) for one in stack.sets for s in one.steps_rad]
-    light = _Light.of(said if steps_rad is None else list(steps_rad))
+    light = FringeLight.of(said if steps_rad is None else list(steps_rad))
     count = len(light.basis)
-    samples = _sample(stack, mask)
+    samples = frame_samples(stack, mask)
     unknown = FrameFactors(
         gains=np.ones(count),
         gain_error=np.full(count, PRIOR),
@@ -176,9 +113,10 @@ def frame_factors(stack: FringeStack, mask: BoolArray, steps_rad: Sequence[Float
     )
     if light.freedom < 1 or samples.values.shape[1] < LEAST_PIXELS:
         return unknown
-    sigma = _sigma(light, samples)
-    if sigma is None:
+    noise = _sigma(light, samples)
+    if noise is None:
         return unknown
+    sigma, transfer = noise
     gains, error = _gains(light, samples, sigma, np.eye(count))
     before = _Fit.of(light, samples, sigma, np.ones(count))
     after = _Fit.of(light, samples, sigma, gains)
@@ -205,6 +143,7 @@ def frame_factors(stack: FringeStack, mask: BoolArray, steps_rad: Sequence[Float
         changes=tuple(changes),
         excess=(before.excess, after.excess),
         residual=math.sqrt(over) / samples.mean_light,
+        transfer=transfer,
     )
 
 
@@ -234,44 +173,9 @@ class _DividedFrames(Sequence[NDArray[Any]]):
         return np.where(values < self.stack.saturation, divided, np.float32(np.nan))
 
 
-def _sample(stack: FringeStack, mask: BoolArray) -> _Samples:
-    """Complete pixels on the mirror and around its rim, without those at the images' edges."""
-    near = binary_dilation(mask, iterations=RIM)
-    near[[0, -1]] = near[:, [0, -1]] = False
-    pixels = np.flatnonzero(near)
-    pixels = pixels[:: max(1, len(pixels) // SAMPLE)]
-    columns, inside = stack.shape[1], mask.ravel()[pixels]
-    rows, zero, complete = [], [], np.ones(len(pixels), bool)
-    most, least = np.full(len(pixels), -np.inf), np.full(len(pixels), np.inf)
-    for number in range(len(stack.sets)):
-        for _, _, images in stack.series(number):
-            interruption.check()
-            for image in images:
-                flat = image.ravel()
-                around = [np.asarray(flat[pixels + step], float) for step in (0, 1, -1, columns, -columns)]
-                for values in around:
-                    complete &= np.isfinite(values) & (values < stack.saturation)
-                rows.append((around[0], around[2], around[1], (around[3] - around[4]) / 2))
-                zero.append(np.mean(around[0][inside] <= 0) if image.dtype.kind in "iu" and inside.any() else 0.0)
-                most, least = np.fmax(most, around[0]), np.fmin(least, around[0])
-    dark = np.zeros(len(pixels)) if stack.dark is None else np.asarray(stack.dark, float).ravel()[pixels]
-    row, column = np.divmod(pixels, columns)
-    shown = (np.stack(part)[:, complete] for part in zip(*rows, strict=True))
-    clear = inside & (most < stack.saturation) & np.isfinite(most)
-    swing = most - least
-    white = 0.0 if stack.white is None else _share(clear, np.asarray(stack.white, float).ravel()[pixels] - most, swing)
-    black = 0.0 if stack.dark is None else _share(clear, least - dark, swing)
-    place = column[complete].astype(float), row[complete].astype(float)
-    return _Samples(*shown, dark[complete], *place, np.array(zero), white, black)
-
-
-def _share(clear: BoolArray, margin: FloatArray, swing: FloatArray) -> float:
-    """Share of the pixels where a margin is below zero by more than part of the fringes' swing."""
-    return float(np.mean((margin < -BEYOND * swing)[clear])) if clear.any() else 0.0
-
-
-def _sigma(light: _Light, samples: _Samples) -> FloatArray | None:
-    """Noise [n] of the samples, from the differences of neighbours: what is smooth over the image is not in it."""
+def _sigma(light: FringeLight, samples: FrameSamples) -> tuple[FloatArray, PhotonTransfer | None] | None:
+    """Noise [n] of the samples, from the differences of neighbours: what is smooth over the image is not in it. And
+    noise against light."""
     # harmonics are not noise: their part is that of the pixels in between
     left, right = (list(light.harmonics(side)) for side in (samples.left, samples.right))
     shapes = [light.rest @ shape for shape in light.harmonics(samples.values)]
@@ -279,14 +183,23 @@ def _sigma(light: _Light, samples: _Samples) -> FloatArray | None:
     differ = (samples.right - samples.left) / 2
     for part, a, b in zip(share, left, right, strict=True):
         differ = differ - part * (b - a) / 2
-    square = 2 * np.square(light.rest @ differ).sum(0)
-    freedom = np.full(len(square), float(light.freedom))
+    square = 2 * np.square(light.rest @ differ)
+    freedom = np.full(square.shape[1], float(light.freedom))
     signal = samples.values.mean(0)
-    noise = estimate_noise(square, freedom, signal)
+    noise = estimate_noise(square.sum(0), freedom, signal)
     if noise is None:
         return None
     variance = noise.variance(signal)
-    return None if not variance.min() > 0 else np.sqrt(variance)
+    if not variance.min() > 0:
+        return None
+    own = np.diagonal(light.rest)
+    useful = own > USEFUL
+    # the variance that a frame's residual has is a mean of those of all frames
+    seen = np.square(light.rest[useful]) @ (light.part(samples.values) - samples.dark) / own[useful, None]
+    within = samples.inside & (square.sum(0) < freedom * variance * OUTLIER)
+    squares = square[useful] / own[useful, None]
+    independent = light.freedom / max(int(useful.sum()), 1)
+    return np.sqrt(variance), photon_transfer(squares[:, within].ravel(), seen[:, within].ravel(), independent)
 
 
 def _shares(shapes: list[FloatArray], left: FloatArray) -> FloatArray:
@@ -303,14 +216,14 @@ def _shares(shapes: list[FloatArray], left: FloatArray) -> FloatArray:
 class _Fit:
     """Of samples in units of their noise, gains divided out: values, what the light leaves, the harmonics' shares."""
 
-    light: _Light
+    light: FringeLight
     values: FloatArray
     left: FloatArray
     harmonics: tuple[FloatArray, ...]  # R v / sigma of each
     square: float
 
     @classmethod
-    def of(cls, light: _Light, samples: _Samples, sigma: FloatArray, gains: FloatArray) -> _Fit:
+    def of(cls, light: FringeLight, samples: FrameSamples, sigma: FloatArray, gains: FloatArray) -> _Fit:
         values = _divided(samples, gains)
         left = light.rest @ values / sigma
         shapes = [light.rest @ shape / sigma for shape in light.harmonics(values)]
@@ -342,11 +255,13 @@ class _Fit:
         return normal, right
 
 
-def _divided(samples: _Samples, gains: FloatArray) -> FloatArray:
+def _divided(samples: FrameSamples, gains: FloatArray) -> FloatArray:
     return samples.dark + (samples.values - samples.dark) / gains[:, None]
 
 
-def _gains(light: _Light, samples: _Samples, sigma: FloatArray, groups: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _gains(
+    light: FringeLight, samples: FrameSamples, sigma: FloatArray, groups: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Gains [N], their median 1, and their standard errors. groups: [N, q] frames with a gain in common."""
     gains = np.ones(len(light.basis))
     for _ in range(ROUNDS):
@@ -390,7 +305,7 @@ def _brightness(before: _Fit, after: _Fit, gains: FloatArray, error: FloatArray)
     return FrameChange(BRIGHTNESS, worst if alone else -1, False, float(gains[worst]), share)
 
 
-def _other_change(fit: _Fit, samples: _Samples, sigma: FloatArray, gains: FloatArray) -> FrameChange | None:
+def _other_change(fit: _Fit, samples: FrameSamples, sigma: FloatArray, gains: FloatArray) -> FrameChange | None:
     """The likeliest change beside gains, if what is left is more than noise."""
     over = fit.square - fit.freedom
     if fit.excess < EXCESS or over / fit.freedom * np.mean(sigma**2) < (MODEL * samples.mean_light) ** 2:
@@ -400,7 +315,7 @@ def _other_change(fit: _Fit, samples: _Samples, sigma: FloatArray, gains: FloatA
     return _free(fit) if best is None else best
 
 
-def _linear(kind: str, fit: _Fit, samples: _Samples, sigma: FloatArray, gains: FloatArray) -> FrameChange | None:
+def _linear(kind: str, fit: _Fit, samples: FrameSamples, sigma: FloatArray, gains: FloatArray) -> FrameChange | None:
     """A change of light or of the camera's place, if that explains most of what is left."""
     over = fit.square - fit.freedom
     count = len(gains)

@@ -12,6 +12,7 @@ from scipy.stats import chi2
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.fringe_frames import ShownFrames
 from irtscots_cl.measurement.fringe_light import LightPhases, place_mm
+from irtscots_cl.measurement.photon_transfer import PhotonTransfer
 from irtscots_cl.measurement.quality import (
     ERROR,
     FEW,
@@ -29,6 +30,7 @@ WRONG_ORDER = 0.01  # probability, from which on a pixel is not used
 MISFIT = 1e-9  # chance of a pixel's misfit between its series, below which it is not used
 SATURATED = 0.01  # share of the mirror's pixels with saturated samples, from which on it is named
 ALONE = 3.0  # times the median image's saturated share: an image that is named
+NOT_A_LINE = 0.3  # of the variance of noise: a departure from a line over light that is named
 BLUR = 0.2  # relative difference of a series' modulation from the design's, from which on it is named
 
 
@@ -156,6 +158,23 @@ def check_pixels(counts: Mapping[str, int]) -> Check:
     limit = FEW[LEVELS.index(level) - 1]
     what = "too few to be measured" if level == ERROR else "the height map is of these alone"
     return Check("pixels", level, share, limit, 1e-6, f"only {share:.1%} of the mirror's pixels are used{told}; {what}")
+
+
+def check_noise(transfer: PhotonTransfer | None) -> Check:
+    """Noise against light: a line, for a camera whose counts are proportional to light and left as they are."""
+    if transfer is None:
+        text = "too few pixels or steps tell the noise against light"
+        return Check("noise", OK, 0.0, NOT_A_LINE, 1e-6, text)
+    value = transfer.departs()
+    electrons = transfer.electrons_per_count
+    told = f"{electrons:.3g} electrons per count" if np.isfinite(electrons) else "no electrons to be told"
+    if value <= NOT_A_LINE or transfer.chance > 1e-6:
+        return Check("noise", OK, value, NOT_A_LINE, 1e-6, f"the noise is that of light and read-out, {told}")
+    text = (
+        f"the variance of the noise departs by {value:.0%} from a line over light: images were smoothed, compressed or "
+        "given a curve; record raw images"
+    )
+    return Check("noise", WARNING, value, NOT_A_LINE, 1e-6, text)
 
 
 def check_saturation(

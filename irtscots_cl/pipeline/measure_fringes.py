@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.frame_survey import survey_frames
-from irtscots_cl.measurement.fringe_factors import EQUAL_FRAMES, frame_factors, without_gains
+from irtscots_cl.measurement.fringe_factors import EQUAL_FRAMES, FrameFactors, frame_factors, without_gains
 from irtscots_cl.measurement.fringe_frame_checks import (
     check_black,
     check_brightness,
@@ -32,11 +33,13 @@ from irtscots_cl.measurement.fringe_quality import (
     Exclusions,
     check_geometry,
     check_light,
+    check_noise,
     check_notes,
     check_pixels,
     check_saturation,
     exclusions,
 )
+from irtscots_cl.measurement.harmonic_map import second_harmonic_maps
 from irtscots_cl.measurement.quality import WARNING, Check
 from irtscots_cl.measurement.reconstruction import design_points
 from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, find_mask, screen_coordinates
@@ -116,12 +119,13 @@ def fringe_surface(
     orientation = setup.scene.camera.detector.orientation
     on_mirror = setup.chief_rays.footprint.coverage >= COVERAGE
     design = _design_fractions(setup, stack)
-    found, shown, lit, more = _places_by_frames(images, stack, design, use, strict)
-    checks += more
+    frames = _places_by_frames(images, stack, design, use, strict)
+    found, lit = frames.found, frames.lit
+    checks += frames.checks
     checks += check_notes(found) + _prior_note(stack)
     why = exclusions(found, lit, use)
     mirror = stored(on_mirror, orientation)
-    checks.append(check_saturation(found, mirror, ceiling, shown, lambda k: images.name(images.of_stack(k))))
+    checks.append(check_saturation(found, mirror, ceiling, frames.shown, lambda k: images.name(images.of_stack(k))))
     checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
     refuse_bad(checks, strict)
     found, phases = places_of_light(found, setup, images.manifest.levels)
@@ -133,12 +137,26 @@ def fringe_surface(
     result = surface_from_places(
         _places(found, setup, used), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
     )
-    return FringeResult(result, found, reason=why.reason), checks
+    second = second_harmonic_maps(frames.stack, found)
+    transfer = frames.factors.transfer
+    return FringeResult(result, found, reason=why.reason, transfer=transfer, second_harmonic=second), checks
+
+
+@dataclass(frozen=True)
+class _ByFrames:
+    """stack: with the frames' brightness divided out."""
+
+    stack: FringeStack
+    found: ScreenCoordinates
+    shown: ShownFrames
+    lit: BoolArray
+    factors: FrameFactors
+    checks: list[Check]
 
 
 def _places_by_frames(
     images: FringeImages, stack: FringeStack, design: dict[str, FloatArray], use: BoolArray | None, strict: bool
-) -> tuple[ScreenCoordinates, ShownFrames, BoolArray, list[Check]]:
+) -> _ByFrames:
     """Places, what the images show, the pixels that are lit, and the checks of the frames.
 
     The frames' brightness is divided out where they tell it. Raises RefusedImagesError.
@@ -171,7 +189,8 @@ def _places_by_frames(
     refuse_bad(checks, strict)
     series = [len(steps) for one in stack.sets for steps in one.steps_rad]
     checks += [check_brightness(factors, series, name), *check_changes(factors, name), check_black(factors, name)]
-    return found, shown, lit, checks
+    checks.append(check_noise(factors.transfer))
+    return _ByFrames(equal, found, shown, lit, factors, checks)
 
 
 def _other_steps(stack: FringeStack, found: ScreenCoordinates) -> list[FloatArray]:
