@@ -176,15 +176,12 @@ class _DividedFrames(Sequence[NDArray[Any]]):
 def _sigma(light: FringeLight, samples: FrameSamples) -> tuple[FloatArray, PhotonTransfer | None] | None:
     """Noise [n] of the samples, from the differences of neighbours: what is smooth over the image is not in it. And
     noise against light."""
-    # harmonics are not noise: their part is that of the pixels in between
-    left, right = (list(light.harmonics(side)) for side in (samples.left, samples.right))
-    shapes = [light.rest @ shape for shape in light.harmonics(samples.values)]
-    share = _shares(shapes, light.rest @ samples.values)
-    differ = (samples.right - samples.left) / 2
-    for part, a, b in zip(share, left, right, strict=True):
-        differ = differ - part * (b - a) / 2
-    square = 2 * np.square(light.rest @ differ)
-    freedom = np.full(square.shape[1], float(light.freedom))
+    rest = light.rest_noise
+    degrees = round(float(np.trace(rest)))
+    if degrees < 1:
+        return None
+    square = 2 * np.square(rest @ samples.along_x)
+    freedom = np.full(square.shape[1], float(degrees))
     signal = samples.values.mean(0)
     noise = estimate_noise(square.sum(0), freedom, signal)
     if noise is None:
@@ -192,13 +189,13 @@ def _sigma(light: FringeLight, samples: FrameSamples) -> tuple[FloatArray, Photo
     variance = noise.variance(signal)
     if not variance.min() > 0:
         return None
-    own = np.diagonal(light.rest)
+    own = np.diagonal(rest)
     useful = own > USEFUL
     # the variance that a frame's residual has is a mean of those of all frames
-    seen = np.square(light.rest[useful]) @ (light.part(samples.values) - samples.dark) / own[useful, None]
+    seen = np.square(rest[useful]) @ (light.part(samples.values) - samples.dark) / own[useful, None]
     within = samples.inside & (square.sum(0) < freedom * variance * OUTLIER)
     squares = square[useful] / own[useful, None]
-    independent = light.freedom / max(int(useful.sum()), 1)
+    independent = degrees / max(int(useful.sum()), 1)
     return np.sqrt(variance), photon_transfer(squares[:, within].ravel(), seen[:, within].ravel(), independent)
 
 
@@ -277,7 +274,7 @@ def _gains(
         if np.abs(change - change.mean()).max() < SETTLED:
             break
     whole = np.eye(len(gains)) - 1 / len(gains)  # a common gain is the light's
-    return gains, np.sqrt(np.diagonal(whole @ covariance @ whole))
+    return gains, np.hypot(np.sqrt(np.diagonal(whole @ covariance @ whole)), MODEL_GAIN)
 
 
 def _hypotheses(count: int) -> Iterator[tuple[int, bool, FloatArray]]:
@@ -295,7 +292,7 @@ def _brightness(before: _Fit, after: _Fit, gains: FloatArray, error: FloatArray)
     if not gained > MOST * over or gains.min() < 1.01 * LIMITS[0] or gains.max() > 0.99 * LIMITS[1]:
         return None  # a gain at its limit: a frame without its light
     off = np.log(gains)
-    sigmas = np.abs(off) / np.hypot(error, MODEL_GAIN)
+    sigmas = np.abs(off) / error
     chance = min(float(chi2.sf(np.square(sigmas).sum(), len(gains) - 1)), 2 * len(gains) * float(norm.sf(sigmas.max())))
     if chance > FALSE_GAINS:
         return None
@@ -324,7 +321,7 @@ def _linear(kind: str, fit: _Fit, samples: FrameSamples, sigma: FloatArray, gain
         across = [(part - part.mean()) / max(np.ptp(part), 1.0) for part in (samples.column, samples.row)]
         shapes = np.stack([one * part / sigma for part in (np.ones_like(sigma), *across)])
     else:
-        sides = ((samples.right - samples.left) / 2, samples.along_y)
+        sides = (samples.along_x, samples.along_y)
         shapes = np.stack([-fit.light.part(side / gains[:, None]) / sigma for side in sides])
     normal, right = fit.explained(shapes)
 

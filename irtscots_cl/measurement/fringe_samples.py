@@ -15,20 +15,19 @@ from irtscots_cl.system import interruption
 
 SAMPLE = 4000  # pixels
 RIM = 2  # pixels around the mirror that count: motion shows there
-TINY = 1e-3
+TINY = 1e-3  # of the samples' range
+SINGULAR = 1e-6  # of the largest singular value
 HARMONICS = (2, 3)  # that a screen's gamma adds, and that are no change between frames
 BEYOND = 0.25  # of the fringes' swing: noise hardly makes a sample brighter than white by so much
 
 
 @dataclass(frozen=True)
 class FrameSamples:
-    """values, left, right, along_y: [N, n] samples, those of the neighbours, and half differences of the neighbours in
-    the rows above and below; dark, column, row: [n]; inside: [n] on the mirror. at_zero, white, black: as
-    FrameFactors.at_zero, white, dark."""
+    """values, along_x, along_y: [N, n] samples and half differences of their neighbours; dark, column, row: [n];
+    inside: [n] on the mirror. at_zero, white, black: as FrameFactors.at_zero, white, dark."""
 
     values: FloatArray
-    left: FloatArray
-    right: FloatArray
+    along_x: FloatArray
     along_y: FloatArray
     dark: FloatArray
     column: FloatArray
@@ -46,12 +45,14 @@ class FrameSamples:
 
 @dataclass(frozen=True)
 class FringeLight:
-    """ends: of the series. rest: [N, N] what the light leaves of samples; basis: [N, P]."""
+    """ends: of the series. basis: [N, P] of what light of one place makes of the frames; rest: [N, N] what that leaves
+    of samples; rest_noise: the same without what harmonics of a gamma leave, where the steps have room for them."""
 
     steps: tuple[FloatArray, ...]
     ends: IntArray
     basis: FloatArray
     rest: FloatArray
+    rest_noise: FloatArray
 
     @classmethod
     def of(cls, steps: Sequence[FloatArray]) -> FringeLight:
@@ -60,7 +61,14 @@ class FringeLight:
         basis[:, 0] = 1.0
         for k, (own, (start, end)) in enumerate(zip(steps, pairwise(ends), strict=True)):
             basis[start:end, 1 + 2 * k], basis[start:end, 2 + 2 * k] = np.cos(own), np.sin(own)
-        return cls(tuple(steps), ends, basis, np.eye(len(basis)) - basis @ np.linalg.pinv(basis))
+        higher = [basis]
+        for own, (start, end) in zip(steps, pairwise(ends), strict=True):
+            for order in HARMONICS:
+                if order % len(own):  # three steps take the third harmonic for the offset
+                    columns = np.zeros((len(basis), 2))
+                    columns[start:end] = np.stack([np.cos(order * own), np.sin(order * own)], -1)
+                    higher.append(columns)
+        return cls(tuple(steps), ends, basis, _complement(basis), _complement(np.concatenate(higher, 1)))
 
     @property
     def freedom(self) -> int:
@@ -83,6 +91,13 @@ class FringeLight:
                 yield shape
 
 
+def _complement(basis: FloatArray) -> FloatArray:
+    """Projector [N, N] on what columns [N, P] leave."""
+    left, size, _ = np.linalg.svd(basis, full_matrices=False)
+    kept = left[:, size > SINGULAR * size[0]]
+    return np.eye(len(basis)) - kept @ kept.T
+
+
 def frame_samples(stack: FringeStack, mask: BoolArray) -> FrameSamples:
     """Complete pixels on the mirror and around its rim, without those at the images' edges."""
     near = binary_dilation(mask, iterations=RIM)
@@ -100,19 +115,19 @@ def frame_samples(stack: FringeStack, mask: BoolArray) -> FrameSamples:
                 around = [np.asarray(flat[pixels + step], float) for step in (0, 1, -1, columns, -columns)]
                 for values in around:
                     complete &= np.isfinite(values) & (values < stack.saturation)
-                rows.append((around[0], around[2], around[1], (around[3] - around[4]) / 2))
+                rows.append((around[0], (around[1] - around[2]) / 2, (around[3] - around[4]) / 2))
                 zero.append(np.mean(around[0][inside] <= 0) if image.dtype.kind in "iu" and inside.any() else 0.0)
                 most, least = np.fmax(most, around[0]), np.fmin(least, around[0])
     dark = np.zeros(len(pixels)) if stack.dark is None else np.asarray(stack.dark, float).ravel()[pixels]
     row, column = np.divmod(pixels, columns)
-    values, before, after, along_y = (np.stack(part)[:, complete] for part in zip(*rows, strict=True))
+    values, along_x, along_y = (np.stack(part)[:, complete] for part in zip(*rows, strict=True))
     clear = inside & (most < stack.saturation) & np.isfinite(most)
     swing = most - least
     white = 0.0 if stack.white is None else _share(clear, np.asarray(stack.white, float).ravel()[pixels] - most, swing)
     black = 0.0 if stack.dark is None else _share(clear, least - dark, swing)
     place = column[complete].astype(float), row[complete].astype(float)
     return FrameSamples(
-        values, before, after, along_y, dark[complete], *place, inside[complete], np.array(zero), white, black
+        values, along_x, along_y, dark[complete], *place, inside[complete], np.array(zero), white, black
     )
 
 
