@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 from irtscots_cl.formats.images import FrameSource, open_frames
@@ -75,6 +77,7 @@ def open_fringe_images(
         raise ValueError(
             f"{where}: {frames.count} images; {found.path} has {wanted} frames: "
             + ("images are missing, or lines of frames that were not recorded are left" if few else "too many")
+            + (_gap(found, frames) if few else "")
             + f"; the first is {found.frames[0].text}, the last {found.frames[-1].text}"
         )
     detector = scene.camera.detector
@@ -87,6 +90,19 @@ def open_fringe_images(
             f"{shape[1]} x {shape[0]} (columns x rows)"
         )
     return FringeImages(found, frames)
+
+
+def _gap(manifest: FringeManifest, frames: FrameSource) -> str:
+    """The first name that is missing among files which are numbered one by one, in words; "" where none is."""
+    names = [frames.place(k)[0].path.name for k in range(frames.count)]
+    numbers = [re.fullmatch(r"(.*?)(\d+)(\D*)", name) for name in names]
+    for k, (one, other) in enumerate(pairwise(numbers), 1):
+        if one is None or other is None or one[1] != other[1]:
+            return ""
+        if int(other[2]) - int(one[2]) > 1:
+            name = f"{one[1]}{int(one[2]) + 1:0{len(one[2])}d}{one[3]}"
+            return f"; there is no {name}, which would show {manifest.frames[k].text}"
+    return ""
 
 
 def own_manifest(paths: list[Path]) -> tuple[Path, list[Path]]:

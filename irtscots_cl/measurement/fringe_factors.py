@@ -117,22 +117,11 @@ def frame_factors(stack: FringeStack, mask: BoolArray, steps_rad: Sequence[Float
     if noise is None:
         return unknown
     sigma, transfer = noise
-    gains, error = _gains(light, samples, sigma, np.eye(count))
-    before = _Fit.of(light, samples, sigma, np.ones(count))
-    after = _Fit.of(light, samples, sigma, gains)
-    if after.excess > EXCESS:
-        # more than brightness has changed, which may look like gains within a series: those would move its phases
-        of_series = np.repeat(np.eye(len(light.steps)), np.diff(light.ends), axis=0)
-        common, _ = _gains(light, samples, sigma, of_series)
-        instead = _Fit.of(light, samples, sigma, common)
-        if before.square - instead.square > OF_SERIES * (before.square - after.square):
-            gains, after = common, instead
-    changes = []
-    brightness = _brightness(before, after, gains, error)
-    if brightness is None:
-        gains, after = np.ones(count), before
-    else:
-        changes.append(brightness)
+    gains, error, brightness, before, after = _believed_gains(light, samples, sigma)
+    changes = [] if brightness is None else [brightness]
+    if not np.array_equal(gains, np.ones(count)):
+        again = _sigma(light, samples.divided(gains))
+        transfer = None if again is None else again[1]
     other = _other_change(after, samples, sigma, gains)
     changes += [] if other is None else [other]
     over = max(after.square - after.freedom, 0.0) / after.freedom * float(np.mean(sigma**2))
@@ -221,7 +210,7 @@ class _Fit:
 
     @classmethod
     def of(cls, light: FringeLight, samples: FrameSamples, sigma: FloatArray, gains: FloatArray) -> _Fit:
-        values = _divided(samples, gains)
+        values = samples.divided(gains).values
         left = light.rest @ values / sigma
         shapes = [light.rest @ shape / sigma for shape in light.harmonics(values)]
         shapes = [shape for shape in shapes if np.square(shape).sum() > 1e-6 * np.square(values / sigma).sum()]
@@ -252,10 +241,6 @@ class _Fit:
         return normal, right
 
 
-def _divided(samples: FrameSamples, gains: FloatArray) -> FloatArray:
-    return samples.dark + (samples.values - samples.dark) / gains[:, None]
-
-
 def _gains(
     light: FringeLight, samples: FrameSamples, sigma: FloatArray, groups: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -283,6 +268,31 @@ def _hypotheses(count: int) -> Iterator[tuple[int, bool, FloatArray]]:
         yield k, False, np.eye(count)[k]
     for k in range(1, count):
         yield k, True, np.where(np.arange(count) >= k, 1.0, 0.0)
+
+
+def _believed_gains(
+    light: FringeLight, samples: FrameSamples, sigma: FloatArray
+) -> tuple[FloatArray, FloatArray, FrameChange | None, _Fit, _Fit]:
+    """Gains [N] to divide by, their errors, what they say, and the fits as recorded and with the gains divided out."""
+    count = len(light.basis)
+    gains, error = _gains(light, samples, sigma, np.eye(count))
+    before = _Fit.of(light, samples, sigma, np.ones(count))
+    after = _Fit.of(light, samples, sigma, gains)
+    if after.excess > EXCESS:
+        # more than brightness has changed, which may look like gains within a series: those would move its phases
+        of_series = np.repeat(np.eye(len(light.steps)), np.diff(light.ends), axis=0)
+        common, _ = _gains(light, samples, sigma, of_series)
+        instead = _Fit.of(light, samples, sigma, common)
+        if before.square - instead.square > OF_SERIES * (before.square - after.square):
+            gains, after = common, instead
+    brightness = _brightness(before, after, gains, error)
+    if brightness is not None and after.excess > EXCESS:
+        rival = _other_change(before, samples, sigma, np.ones(count))
+        if rival is not None and rival.kind != OTHER and rival.explained > brightness.explained:
+            brightness = None
+    if brightness is None:
+        return np.ones(count), error, None, before, before
+    return gains, error, brightness, before, after
 
 
 def _brightness(before: _Fit, after: _Fit, gains: FloatArray, error: FloatArray) -> FrameChange | None:

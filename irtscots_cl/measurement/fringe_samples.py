@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -36,6 +36,12 @@ class FrameSamples:
     at_zero: FloatArray
     white: float
     black: float
+
+    def divided(self, gains: FloatArray) -> FrameSamples:
+        """With the light of the frames divided by gains [N]."""
+        by = gains[:, None]
+        values = self.dark + (self.values - self.dark) / by
+        return replace(self, values=values, along_x=self.along_x / by, along_y=self.along_y / by)
 
     @property
     def mean_light(self) -> float:

@@ -18,7 +18,7 @@ from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.frame_survey import survey_frames
-from irtscots_cl.measurement.fringe_factors import EQUAL_FRAMES, FrameFactors, frame_factors, without_gains
+from irtscots_cl.measurement.fringe_factors import BRIGHTNESS, EQUAL_FRAMES, FrameFactors, frame_factors, without_gains
 from irtscots_cl.measurement.fringe_frame_checks import (
     check_black,
     check_brightness,
@@ -189,7 +189,8 @@ def _places_by_frames(
     refuse_bad(checks, strict)
     series = [len(steps) for one in stack.sets for steps in one.steps_rad]
     checks += [check_brightness(factors, series, name), *check_changes(factors, name), check_black(factors, name)]
-    checks.append(check_noise(factors.transfer))
+    same = all(one.kind == BRIGHTNESS for one in factors.changes)  # else what changed looks like noise
+    checks.append(check_noise(factors.transfer if same else None))
     return _ByFrames(equal, found, shown, lit, factors, checks)
 
 
