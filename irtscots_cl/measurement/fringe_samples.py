@@ -101,7 +101,8 @@ def _complement(basis: FloatArray) -> FloatArray:
     """Projector [N, N] on what columns [N, P] leave."""
     left, size, _ = np.linalg.svd(basis, full_matrices=False)
     kept = left[:, size > SINGULAR * size[0]]
-    return np.eye(len(basis)) - kept @ kept.T
+    rest: FloatArray = np.eye(len(basis)) - kept @ kept.T
+    return rest
 
 
 def frame_samples(stack: FringeStack, mask: BoolArray) -> FrameSamples:

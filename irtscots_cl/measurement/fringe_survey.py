@@ -107,7 +107,6 @@ def survey(
     """
     fringes = stack.sets[number]
     notes: list[str] = []
-    faults: list[str] = []
     samples, steps, fits = [], [], []
     for periods, said, images in stack.series(number):
         values = images.reshape(len(said), -1)[:, pixels]
@@ -117,7 +116,7 @@ def survey(
         steps.append(taken)
         fits.append(fit_sinusoid(values, taken, stack.saturation))
     second = tuple(_second_harmonic(v, f) for v, f in zip(samples, fits, strict=True))
-    faults += _empty_series(fringes, fits) + _impossible(fringes, second)
+    faults = _empty_series(fringes, fits) + _impossible(fringes, second)
     second = tuple(one if abs(one.ratio) <= MAX_RATIO else NOT_SEEN for one in second)
     harmonics, found = _harmonics_of(fringes, fits, second, response)
     notes += found
