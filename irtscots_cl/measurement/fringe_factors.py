@@ -54,7 +54,8 @@ class FrameChange:
     """What changed. kind: BRIGHTNESS, LIGHT (added to the screen's), MOTION (of the camera) or OTHER. first: number of
     the frame that differs, or, with `stays`, from which on all do; -1 where many differ, each in its own way. size:
     factor of the light; added light over the screen's mean; pixels; of the frame that differs most. explained: part of
-    what noise and harmonics leave unexplained. ties: other frames that explain as much."""
+    what noise and harmonics leave unexplained. ties: other frames that explain as much. added: of LIGHT, [N] parts of
+    the screen's mean light."""
 
     kind: str
     first: int
@@ -62,6 +63,7 @@ class FrameChange:
     size: float
     explained: float
     ties: tuple[int, ...] = ()
+    added: FloatArray | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -347,11 +349,16 @@ def _linear(kind: str, fit: _Fit, samples: FrameSamples, sigma: FloatArray, gain
         return None
     tried = [(*gained(chosen[:, None]), k, stays) for k, stays, chosen in _hypotheses(count)]
     most, change, first, stays = max(tried, key=lambda one: one[0])
+    alike = next(chosen for k, also, chosen in _hypotheses(count) if (k, also) == (first, stays))
+    added = change[0, 0] * alike
     ties = [k for gain, _, k, also in tried if also == stays and k != first and gain > TIE * most]
     if most < NEARLY * whole:
-        most, change, first, stays, ties = whole, found, -1, False, []
+        most, change, first, stays, ties, added = whole, found, -1, False, [], found[0]
     size = float(np.hypot(*change).max() if kind == MOTION else np.abs(change[0]).max() / samples.mean_light)
-    return None if size < LEAST[kind] else FrameChange(kind, first, stays, size, min(most / over, 1.0), tuple(ties))
+    if size < LEAST[kind]:
+        return None
+    of_light = added / samples.mean_light if kind == LIGHT else None
+    return FrameChange(kind, first, stays, size, min(most / over, 1.0), tuple(ties), of_light)
 
 
 def _free(fit: _Fit) -> FrameChange | None:

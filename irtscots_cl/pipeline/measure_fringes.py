@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,15 @@ from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.frame_survey import survey_frames
-from irtscots_cl.measurement.fringe_factors import BRIGHTNESS, EQUAL_FRAMES, FrameFactors, frame_factors, without_gains
+from irtscots_cl.measurement.fringe_costs import fraction_error, height_cost_nm
+from irtscots_cl.measurement.fringe_factors import (
+    BRIGHTNESS,
+    EQUAL_FRAMES,
+    LIGHT,
+    FrameFactors,
+    frame_factors,
+    without_gains,
+)
 from irtscots_cl.measurement.fringe_frame_checks import (
     check_black,
     check_brightness,
@@ -41,7 +49,7 @@ from irtscots_cl.measurement.fringe_quality import (
 )
 from irtscots_cl.measurement.harmonic_map import second_harmonic_maps
 from irtscots_cl.measurement.quality import WARNING, Check
-from irtscots_cl.measurement.reconstruction import design_points
+from irtscots_cl.measurement.reconstruction import Reconstruction, design_points
 from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, find_mask, screen_coordinates
 from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_places
 from irtscots_cl.measurement.unwrapping import MARGIN
@@ -134,9 +142,13 @@ def fringe_surface(
     checks += check_light(found, phases, setup, used & on_mirror)
     checks.append(check_pixels(why.counts(mirror)))
     refuse_bad(checks, strict)
-    result = surface_from_places(
-        _places(found, setup, used), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
-    )
+
+    def surface(errors: dict[str, FloatArray] | None = None) -> Reconstruction:
+        places = _places(found if errors is None else _moved(found, errors), setup, used)
+        return surface_from_places(places, setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE)
+
+    result = surface()
+    checks = _with_costs(checks, frames.factors, found, lambda errors: height_cost_nm(result, errors, surface))
     second = second_harmonic_maps(frames.stack, found)
     transfer = frames.factors.transfer
     return FringeResult(result, found, reason=why.reason, transfer=transfer, second_harmonic=second), checks
@@ -199,6 +211,39 @@ def _other_steps(stack: FringeStack, found: ScreenCoordinates) -> list[FloatArra
     said = [np.asarray(steps) for one in stack.sets for steps in one.steps_rad]
     taken = [np.asarray(steps) for one in stack.sets for steps in found.axes[one.axis].survey.steps_rad]
     return [] if all(np.array_equal(a, b) for a, b in zip(said, taken, strict=True)) else taken
+
+
+def _moved(found: ScreenCoordinates, errors: dict[str, FloatArray]) -> ScreenCoordinates:
+    """The places less errors of their fractions."""
+    axes = {a: replace(one, fraction=one.fraction - np.nan_to_num(errors[a])) for a, one in found.axes.items()}
+    return replace(found, axes=axes)
+
+
+def _rounded(value: float) -> str:
+    return f"{value:.0f}" if value >= 10 else f"{value:.1g}"
+
+
+def _with_costs(
+    checks: list[Check],
+    factors: FrameFactors,
+    found: ScreenCoordinates,
+    cost_nm: Callable[[dict[str, FloatArray]], float],
+) -> list[Check]:
+    """The checks with what added light costs, those with the highest costs first."""
+    added = next((one.added for one in factors.changes if one.added is not None), None)
+    if added is None:
+        return checks
+    counts = [one.fringes.count for one in found.axes.values()]
+    parts = np.split(added, np.cumsum(counts)[:-1])
+    errors = {axis: fraction_error(one, part) for (axis, one), part in zip(found.axes.items(), parts, strict=True)}
+    cost = cost_nm(errors)
+    told = [
+        replace(check, cost_nm=cost, text=f"{check.text}; it costs about {_rounded(cost)} nm of height")
+        if check.name == LIGHT
+        else check
+        for check in checks
+    ]
+    return sorted(told, key=lambda check: -check.cost_nm if math.isfinite(check.cost_nm) else 0.0)
 
 
 def _design_fractions(setup: Setup, stack: FringeStack) -> dict[str, FloatArray]:

@@ -80,7 +80,8 @@ class Refused(TypedDict):
 
 
 class CheckFacts(TypedDict):
-    """One check of the images. level: ok, warning or error. false_alarm: chance that good images fail it."""
+    """One check of the images. level: ok, warning or error. false_alarm: chance that good images fail it.
+    cost_nm: rms of the height that what it names costs, NaN where that is not known."""
 
     name: str
     level: str
@@ -88,6 +89,7 @@ class CheckFacts(TypedDict):
     limit: float
     false_alarm: float
     text: str
+    cost_nm: float
 
 
 class Predicted(TypedDict):

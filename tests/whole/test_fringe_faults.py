@@ -89,6 +89,16 @@ def test_a_fault_is_mended_named_or_refused(fault: Fault, good, measured, noise_
         assert told  # a height that may be wrong is never told without a word
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["light turned on half way", "even light turned on half way", "a flash in one frame"])
+def test_the_cost_of_added_light_is_told(name, good, measured, noise_free):
+    """Within 40 %: of two frames that cannot be told apart, one is taken; noise adds 7 nm."""
+    fault = next(one for one in FAULTS if one.name == name)
+    result, checks = measured(fault.make(good.frames, np.random.default_rng(2)))
+    assert checks[0].name == "light"  # the costliest first
+    assert checks[0].cost_nm == pytest.approx(height_difference_nm(result, noise_free), rel=0.4)
+
+
 def alarms(run, scene, measured, seeds):
     found = {}
     for seed in seeds:
