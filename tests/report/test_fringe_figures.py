@@ -13,6 +13,7 @@ from noisy_images import small
 from irtscots_cl import cli
 from irtscots_cl.imaging.fringes import FringeSet
 from irtscots_cl.imaging.orientation import upright
+from irtscots_cl.report import fringe_figures
 from irtscots_cl.tracing.trace import trace
 
 SETS = tuple(FringeSet.equal(axis, (0.9, 2.46), 4) for axis in "xy")
@@ -28,39 +29,31 @@ MAPS = {
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def page(tmp_path_factory):
+    """One measurement: its folder, and the figure, maps and result of the page."""
     path, scene = tmp_path_factory.mktemp("fringes"), small(30)
     recorded(trace(scene, estimator="analytic"), scene, SETS, gamma=1.5).write(path)
     use = np.ones((30, 30), np.uint8)
     use[10:13, 8:12] = 0
     np.save(path / "use.npy", use)
     (path / "scene.toml").write_text(scene.to_toml(), encoding="utf-8")
+    drawn = {"folder": path / "out"}
+    original = fringe_figures.quality_figure
+
+    def keep(maps, result):
+        drawn.update(figure=original(maps, result), result=result, maps=maps)
+        return drawn["figure"]
+
     given = ("--scene", path / "scene.toml", "--out", path / "out", "--mask", path / "use.npy")
-    assert cli.main(["reconstruct", *map(str, (path, *given))]) == 0
-    return path / "out"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fringe_figures, "quality_figure", keep)
+        assert cli.main(["reconstruct", *map(str, (path, *given))]) == 0
+    return drawn
 
 
 @pytest.fixture(scope="module")
-def page(folder):
-    """The axes of the page, drawn again from what the folder's result says."""
-    import irtscots_cl.report.fringe_figures as module
-
-    drawn = {}
-    original = module.quality_figure
-
-    def keep(maps, result):
-        drawn["figure"] = original(maps, result)
-        drawn["result"], drawn["maps"] = result, maps
-        return drawn["figure"]
-
-    module.quality_figure = keep
-    try:
-        source = folder.parent
-        args = ("--scene", source / "scene.toml", "--out", source / "again", "--mask", source / "use.npy")
-        assert cli.main(["reconstruct", *map(str, (source, *args))]) == 0
-    finally:
-        module.quality_figure = original
-    return drawn
+def folder(page):
+    return page["folder"]
 
 
 def test_the_page_has_all_maps_with_units_axes_and_the_mark(page):
