@@ -151,7 +151,7 @@ def _by_manifest(options: argparse.Namespace) -> int:
         from irtscots_cl.pipeline.measure_fringes import measure_fringes as measure
     check_kind(options.zernike)
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
-    check_output_folder(folder, ("result.h5", "report.json", "scene.toml"), ("figures",))
+    check_output_folder(folder, ("result.h5", "report.json", "report.html", "scene.toml"), ("figures",))
     with made_folder(folder):
         facts = measure(
             options.images, scene, folder, manifest=options.manifest, strict=options.strict, zernike=options.zernike,
@@ -178,7 +178,7 @@ def _sofast(options: argparse.Namespace) -> int:
     else:
         setup = SofastSetup(scene=load_scene(options.scene))
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{options.images.stem}-measured"
-    check_output_folder(folder, ("result.h5", "report.json", "scene.toml"), ("figures",))
+    check_output_folder(folder, ("result.h5", "report.json", "report.html", "scene.toml"), ("figures",))
     if (folder / "result.h5").resolve() == options.images.resolve():
         raise ValueError(f"--out = {str(folder)!r}: its result.h5 is the file of images; must be another folder")
     saturation = options.saturation if math.isfinite(options.saturation) else None

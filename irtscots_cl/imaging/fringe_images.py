@@ -86,6 +86,14 @@ class FringeImages:
         file, page = self.recorded.place(number)
         return f"image {number + 1} ({file.path.name}{f' frame {page + 1}' if file.count > 1 else ''})"
 
+    def names_of(self, shows: str) -> str:
+        """The images of DARK or WHITE frames in messages."""
+        return ", ".join(self.name(k) for k in self.manifest.numbers(shows)[:SHOWN])
+
+    def name_in_stack(self, number: int) -> str:
+        """An image of the stack in messages."""
+        return self.name(self.of_stack(number))
+
     def of_stack(self, number: int) -> int:
         """Number in the manifest of an image of the stack."""
         return self.manifest.order[number]

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
-from irtscots_cl.measurement.frame_survey import FrameSurvey
 from irtscots_cl.measurement.fringe_frames import ShownFrames
 from irtscots_cl.measurement.fringe_light import LightPhases, place_mm
+from irtscots_cl.measurement.photon_transfer import PhotonTransfer
 from irtscots_cl.measurement.quality import (
     ERROR,
     FEW,
@@ -29,6 +29,8 @@ from irtscots_cl.optics.setup import Setup
 WRONG_ORDER = 0.01  # probability, from which on a pixel is not used
 MISFIT = 1e-9  # chance of a pixel's misfit between its series, below which it is not used
 SATURATED = 0.01  # share of the mirror's pixels with saturated samples, from which on it is named
+ALONE = 3.0  # times the median image's saturated share: an image that is named
+NOT_A_LINE = 0.3  # of the variance of noise: a departure from a line over light that is named
 BLUR = 0.2  # relative difference of a series' modulation from the design's, from which on it is named
 
 
@@ -109,28 +111,11 @@ def exclusions(
     return Exclusions(reason.astype(np.int64))
 
 
-def check_frame_values(survey: FrameSurvey, name: Callable[[int], str]) -> list[Check]:
-    """Copies of frames. name: of a frame in messages, by its number."""
-    if not survey.copies:
-        return [Check("copies", OK, 0.0, 0.0, 0.0, "no two images are the same")]
-    told = "; ".join(f"{name(b)} is the same image as {name(a)}" for a, b in survey.copies[:4])
-    more = f"; and {len(survey.copies) - 4} more" if len(survey.copies) > 4 else ""
-    return [Check("copies", ERROR, float(len(survey.copies)), 0.0, 0.0, f"{told}{more}: a frame is missing")]
-
-
-def check_frames(shown: ShownFrames, name: Callable[[int], str], what: Callable[[int], str]) -> Check:
-    """name: of an image by its number; what: a frame shows."""
-    wrong = shown.wrong
-    if not wrong.size:
-        return Check("frames", OK, 0.0, 0.0, 1e-9, "every image shows its own frame")
-    told = "; ".join(f"{name(int(k))} shows {what(int(shown.shows[k]))}, not {what(int(k))}" for k in wrong[:6])
-    more = f"; and {len(wrong) - 6} more" if len(wrong) > 6 else ""
-    return Check("frames", ERROR, float(len(wrong)), 0.0, 1e-9, f"{told}{more}")
-
-
 def check_notes(found: ScreenCoordinates) -> list[Check]:
-    """What the images themselves show to be other than said, a warning each."""
-    checks = [Check("fringes", WARNING, 1.0, 0.0, 0.0, note) for note in found.notes]
+    """What the images themselves show to be other than said, a warning each; an error where they are no measurement."""
+    surveys = [one.survey for one in found.axes.values()]
+    checks = [Check("fringes", ERROR, 1.0, 0.0, 0.0, fault) for one in surveys for fault in one.faults]
+    checks += [Check("fringes", WARNING, 1.0, 0.0, 0.0, note) for one in surveys for note in one.notes]
     return checks or [Check("fringes", OK, 0.0, 0.0, 0.0, "the fringes are as said: steps, periods, directions")]
 
 
@@ -196,16 +181,38 @@ def check_pixels(counts: Mapping[str, int]) -> Check:
     return Check("pixels", level, share, limit, 1e-6, f"only {share:.1%} of the mirror's pixels are used{told}; {what}")
 
 
-def check_saturation(found: ScreenCoordinates, on_mirror: BoolArray, ceiling: float) -> Check:
-    """on_mirror: [rows, columns] as stored."""
+def check_noise(transfer: PhotonTransfer | None) -> Check:
+    """Noise against light: a line, for a camera whose counts are proportional to light and left as they are."""
+    if transfer is None:
+        text = "too few pixels or steps tell the noise against light"
+        return Check("noise", OK, 0.0, NOT_A_LINE, 1e-6, text)
+    value = transfer.departs()
+    electrons = transfer.electrons_per_count
+    told = f"{electrons:.3g} electrons per count" if np.isfinite(electrons) else "no electrons to be told"
+    if value <= NOT_A_LINE or transfer.chance > 1e-6:
+        return Check("noise", OK, value, NOT_A_LINE, 1e-6, f"the noise is that of light and read-out, {told}")
+    text = (
+        f"the variance of the noise departs by {value:.0%} from a line over light: images were smoothed, compressed or "
+        "given a curve; record raw images"
+    )
+    return Check("noise", WARNING, value, NOT_A_LINE, 1e-6, text)
+
+
+def check_saturation(
+    found: ScreenCoordinates, on_mirror: BoolArray, ceiling: float, shown: ShownFrames, name: Callable[[int], str]
+) -> Check:
+    """on_mirror: [rows, columns] as stored. name: of an image in messages."""
     missing = np.zeros(on_mirror.shape, bool)
     for one in found.axes.values():
         missing |= np.nan_to_num(one.missing) > 0
     share = float(missing[on_mirror].mean()) if on_mirror.any() else 0.0
     if share <= SATURATED:
         return Check("saturation", OK, share, SATURATED, 1e-6, f"{share:.1%} of the pixels have saturated samples")
+    worst = int(np.argmax(shown.saturated))
+    alone = shown.saturated[worst] > ALONE * np.median(shown.saturated)
+    which = f", most in {name(worst)} ({shown.saturated[worst]:.0%})" if alone else ""
     text = (
-        f"{share:.1%} of the mirror's pixels have samples at {ceiling:.10g}, the highest value: saturated and left "
-        "out; expose less"
+        f"{share:.1%} of the mirror's pixels have samples at {ceiling:.10g}, the highest value{which}: saturated and "
+        "left out; expose less"
     )
     return Check("saturation", WARNING, share, SATURATED, 1e-6, text)

@@ -40,8 +40,12 @@ AGREE = 0.1  # relative: second harmonics of a table and of the images that are 
 CLEARLY = 0.1  # misfit over that of the other direction: the direction is found
 MAX_FLOOR_RAD = 0.2  # beyond, the orders of the fringes are in doubt
 DOUBTFUL, MANY = 0.01, 0.01  # probability of wrong orders; share of the pixels beyond it
+SEEN = 3.0  # standard errors of an amplitude, the median pixel's: below, a series has no fringes
+BROKEN_RAD = 0.5  # difference of the series' phases, beyond which one of them is broken
+MAX_RATIO = 0.7  # of a second harmonic: beyond, it is none
 ROUNDING = 1 / 12  # variance of whole numbers
 
+NOT_SEEN = SecondHarmonic(math.nan, math.nan)
 NO_NOISE = (
     "three steps leave nothing to tell the noise from: the error bars come from the agreement of the series alone"
 )
@@ -53,6 +57,18 @@ AMBIGUOUS = (
     "{:.0%} of the pixels fit several places on the screen; must have a series below one period, or a prior such as a "
     "design's"
 )
+EMPTY = (
+    "{} fringes of {:g} periods: no fringes in the images: the amplitude is {:.2g} times what noise and wrong frames "
+    "alone make; the series is broken or was not shown: record it again, or delete its lines in the manifest"
+)
+IMPOSSIBLE = (
+    "{} fringes of {:g} periods: a second harmonic of more than {:.1f} of the first, which no screen makes: "
+    "frames are exchanged, wrong, or of another series; record the series again"
+)
+BROKEN_SERIES = (
+    "{} fringes: the phases of the series differ by {:.2f} rad{}: a series is broken, or its number of periods is "
+    "another; record it again, or mend its periods in the manifest"
+)
 BACKWARDS = "the steps ran backwards: the phases of the series agree {:.0f} times better that way, which is used"
 
 
@@ -61,7 +77,8 @@ class Survey:
     """What holds for all pixels of a set. steps_rad: [series] of the steps to evaluate with. sign: -1 where the steps
     ran backwards. noise: None where it cannot be told. harmonics: [series] over the first, None where they are left
     alone. second: what the images say of the second one, [series]. floor_rad: error of all phases that noise does not
-    explain. amplitude, offset: [series] medians. notes: what was found that is not as it was said."""
+    explain. amplitude, offset: [series] medians. notes: what was found that is not as it was said. faults: what makes
+    the images no measurement."""
 
     steps_rad: tuple[FloatArray, ...]
     sign: int
@@ -72,6 +89,7 @@ class Survey:
     amplitude: FloatArray
     offset: FloatArray
     notes: tuple[str, ...]
+    faults: tuple[str, ...] = ()
 
 
 def survey(
@@ -97,7 +115,9 @@ def survey(
         samples.append(values)
         steps.append(taken)
         fits.append(fit_sinusoid(values, taken, stack.saturation))
-    second = tuple(second_harmonic(v, f) for v, f in zip(samples, fits, strict=True))
+    second = tuple(_second_harmonic(v, f) for v, f in zip(samples, fits, strict=True))
+    faults = _empty_series(fringes, fits) + _impossible(fringes, second)
+    second = tuple(one if abs(one.ratio) <= MAX_RATIO else NOT_SEEN for one in second)
     harmonics, found = _harmonics_of(fringes, fits, second, response)
     notes += found
     fits = [
@@ -113,7 +133,9 @@ def survey(
     notes += found
     # not noise: what may be one and the same in all frames
     floor = phase_floor(sign * phases, errors, fringes.periods, prior)
-    if floor > MAX_FLOOR_RAD:
+    if floor > BROKEN_RAD:
+        faults.append(BROKEN_SERIES.format(fringes.axis, floor, _culprit(fringes, sign * phases, errors, prior)))
+    elif floor > MAX_FLOOR_RAD:
         notes.append(f"{fringes.axis} fringes: {DISAGREE.format(floor)}")
     doubtful = unwrap(sign * phases, np.hypot(errors, floor), fringes.periods, prior).wrong > DOUBTFUL
     if floor <= MAX_FLOOR_RAD and doubtful.mean() > MANY:
@@ -128,7 +150,51 @@ def survey(
         np.array([np.nanmedian(fit.amplitude) for fit in fits]),
         np.array([np.nanmedian(fit.offset) for fit in fits]),
         tuple(notes),
+        tuple(faults),
     )
+
+
+def _second_harmonic(values: NDArray[Any], fit: SinusoidFit) -> SecondHarmonic:
+    """As second_harmonic; one beyond MAX_RATIO where the residuals are those of no screen."""
+    try:
+        return second_harmonic(values, fit)
+    except ValueError:
+        return SecondHarmonic(1.0, 0.0)
+
+
+def _empty_series(fringes: FringeSet, fits: list[SinusoidFit]) -> list[str]:
+    """Series whose amplitude is no more than their own residuals make."""
+    told = []
+    for periods, fit in zip(fringes.periods, fits, strict=True):
+        rms = fit.residual_rms
+        if not np.isfinite(rms).any():
+            continue
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.nanmedian(fit.amplitude) / (np.sqrt(2 / len(fit.steps_rad)) * np.sqrt(np.nanmean(rms**2)))
+        if share < SEEN:
+            told.append(EMPTY.format(fringes.axis, periods, share))
+    return told
+
+
+def _impossible(fringes: FringeSet, second: tuple[SecondHarmonic, ...]) -> list[str]:
+    return [
+        IMPOSSIBLE.format(fringes.axis, periods, MAX_RATIO)
+        for periods, one in zip(fringes.periods, second, strict=True)
+        if abs(one.ratio) > MAX_RATIO and one.is_seen
+    ]
+
+
+def _culprit(fringes: FringeSet, phases: FloatArray, errors: FloatArray, prior: Prior | None) -> str:
+    """Which series the others agree without, in words; "" where none or several would do."""
+    if len(fringes.periods) < 3:
+        return ""
+    agree = []
+    for k in range(len(fringes.periods)):
+        others = np.arange(len(fringes.periods)) != k
+        periods = tuple(p for j, p in enumerate(fringes.periods) if j != k)
+        if phase_floor(phases[others], errors[others], periods, prior) < MAX_FLOOR_RAD:
+            agree.append(fringes.periods[k])
+    return f", without that of {agree[0]:g} periods they agree" if len(agree) == 1 else ""
 
 
 def phases_of(
@@ -185,8 +251,8 @@ def _steps_of(
 def _first_alone(values: NDArray[Any], steps: FloatArray, saturation: float) -> NDArray[Any]:
     """Samples without the harmonics of a screen's gamma, as far as the fits with these steps show them."""
     fit = fit_sinusoid(values, steps, saturation)
-    seen = second_harmonic(values, fit)
-    if not seen.is_seen:
+    seen = _second_harmonic(values, fit)
+    if not seen.is_seen or abs(seen.ratio) > MAX_RATIO:
         return values
     ratios = gamma_harmonics(gamma_of(seen.ratio))
     fit = without_harmonics(values, fit, ratios)
@@ -198,8 +264,8 @@ def _first_alone(values: NDArray[Any], steps: FloatArray, saturation: float) -> 
 def _left(values: NDArray[Any], steps: FloatArray, saturation: float) -> float:
     """Median squared residual of fits with these steps and a screen's gamma."""
     fit = fit_sinusoid(values, steps, saturation)
-    seen = second_harmonic(values, fit)
-    if seen.is_seen:
+    seen = _second_harmonic(values, fit)
+    if seen.is_seen and abs(seen.ratio) <= MAX_RATIO:
         ratios = gamma_harmonics(gamma_of(seen.ratio))
         whole = fit.samples == len(steps)
         fit = without_harmonics(values, fit, ratios)

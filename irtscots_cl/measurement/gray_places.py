@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from irtscots_cl.imaging.gray_code import GraySet
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import FloatArray, IntArray
-from irtscots_cl.measurement.fringe_frames import ShownFrames, matched, standard
+from irtscots_cl.measurement.fringe_frames import ShownFrames, matched, most_alike
 from irtscots_cl.measurement.gray_code import GrayShares, candidates, misread, most_likely, read_bits, two_or_more
 from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates
 from irtscots_cl.measurement.shown_light import shown_light
@@ -178,13 +178,12 @@ def gray_frames_shown(
 ) -> ShownFrames:
     """Which plane each plane's shares show, axis by axis. places_mm: by axis [n], of the design and as found; those
     that explain more count. used: [n] pixels to compare."""
-    images = np.concatenate([np.stack([standard(row[used]) for row in one.share]) for one in shares.values()])
+    images = np.concatenate([one.share[:, used] for one in shares.values()])
     tried = []
     for places in places_mm:
         shown = [shown_light(setup, axis, plane_values(one.code, setup), places[axis]) for axis, one in shares.items()]
-        tried.append(np.stack([standard(row[used]) for rows in shown for row in rows]))
-    best = max(tried, key=lambda made: int(np.sum(np.sum(images * made, axis=1) > 0.9)))
-    return matched(images, best)
+        tried.append(np.concatenate([rows[:, used] for rows in shown]))
+    return matched(images, most_alike(images, tried))
 
 
 def on_grid(values: FloatArray, setup: Setup) -> FloatArray:

@@ -6,6 +6,7 @@ with what to do. "error": wrong beyond doubt, the measurement is refused. "warni
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,8 @@ OUTLINE = 0.02  # of the mirror's pixels that must fit better elsewhere
 
 @dataclass(frozen=True)
 class Check:
-    """One check. value and limit: in the unit that the text names. false_alarm: chance that good images fail it."""
+    """One check. value and limit: in the unit that the text names. false_alarm: chance that good images fail it.
+    cost_nm: rms of the height that what it names costs, piston and tilt removed; NaN where that is not known."""
 
     name: str
     level: str
@@ -48,6 +50,7 @@ class Check:
     limit: float
     false_alarm: float
     text: str
+    cost_nm: float = math.nan
 
 
 def worst(checks: list[Check]) -> str:

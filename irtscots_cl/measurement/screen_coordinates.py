@@ -81,7 +81,7 @@ class ScreenCoordinates:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was found that is not as it was said."""
-        return tuple(note for axis in self.axes.values() for note in axis.survey.notes)
+        return tuple(note for axis in self.axes.values() for note in (*axis.survey.faults, *axis.survey.notes))
 
 
 def screen_coordinates(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,14 +11,15 @@ from typing import Any
 import numpy as np
 
 from irtscots_cl.imaging.orientation import stored
-from irtscots_cl.maths.arrays import FloatArray, IntArray
+from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.error_bars import ErrorBars
+from irtscots_cl.measurement.photon_transfer import PhotonTransfer
 from irtscots_cl.measurement.reconstruction import Reconstruction
-from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates
+from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
 from irtscots_cl.pipeline.picture import MirrorPicture, add_facts
 from irtscots_cl.report.fringe_file import FringeMaps, write_fringe_result
-from irtscots_cl.report.types import FringeFacts, MeasuredFacts
+from irtscots_cl.report.types import FringeFacts, MeasuredFacts, PhotonTransferFacts
 from irtscots_cl.system.atomic_files import write_json, write_text
 
 FRINGES = "fringes"  # the name of the measure
@@ -26,12 +28,16 @@ FRINGES = "fringes"  # the name of the measure
 @dataclass(frozen=True)
 class FringeResult:
     """A mirror measured by fringes. coordinates: of the images as stored. reason: why pixels [rows, columns] as stored
-    are not used (fringe_quality.Reason), None where it was not asked. picture: outline and fiducials, if looked for."""
+    are not used (fringe_quality.Reason), None where it was not asked. picture: outline and fiducials, if looked for.
+    transfer: noise against light, None where it is not known. second_harmonic: over the first [rows, columns] as
+    stored, by axis; empty where it was not asked."""
 
     result: Reconstruction
     coordinates: ScreenCoordinates
     reason: IntArray | None = field(default=None, repr=False, kw_only=True)
     picture: MirrorPicture | None = field(default=None, repr=False, kw_only=True)
+    transfer: PhotonTransfer | None = field(default=None, kw_only=True)
+    second_harmonic: Mapping[str, FloatArray] = field(default_factory=dict, repr=False, kw_only=True)
 
     def stored(self, maps: Any) -> Any:
         """Upright maps as the images are stored."""
@@ -43,11 +49,36 @@ def fringe_facts(found: FringeResult) -> FringeFacts:
     axes = found.coordinates.axes
     mask = found.stored(found.result.mask)
     errors = dict(zip("xy", found.result.place_errors_mm or (), strict=True))
-    return {
+    facts: FringeFacts = {
         "periods": {axis: list(one.fringes.periods) for axis, one in axes.items()},
         "standard_error_mm": {axis: _median(errors[axis][found.result.mask]) for axis in ("x", "y")},  # type: ignore[typeddict-item]
         "modulation": {axis: _median(axes[axis].modulation[:, mask].min(axis=0)) for axis in ("x", "y")},  # type: ignore[typeddict-item]
         "pixels_with_wrong_order": float(sum(np.nansum(one.wrong[mask]) for one in axes.values())),
+        "noise": {axis: _noise(one, mask) for axis, one in axes.items()},
+    }
+    if found.transfer is not None:
+        facts["photon_transfer"] = _transfer_facts(found.transfer)
+    return facts
+
+
+def _noise(one: AxisCoordinates, mask: BoolArray) -> float:
+    """Of a sample of median brightness, in counts; NaN where it is not known."""
+    if one.survey.noise is None or not mask.any():
+        return float("nan")
+    return math.sqrt(float(one.survey.noise.variance(np.array([_median(one.offset[:, mask])]))[0]))
+
+
+def _transfer_facts(found: PhotonTransfer) -> PhotonTransferFacts:
+    electrons = found.electrons_per_count
+    return {
+        "electrons_per_count": electrons,
+        "electrons_per_count_standard_error": found.gain_error * electrons**2,
+        "read_noise_counts": found.read_noise,
+        "read_noise_electrons": found.read_noise * electrons,
+        "light_counts": found.light.tolist(),
+        "variance_counts2": found.variance.tolist(),
+        "variance_counts2_standard_error": found.standard_error.tolist(),
+        "departs": found.departs(),
     }
 
 
@@ -64,14 +95,20 @@ def _median(values: np.ndarray) -> float:
 def write_fringes(
     folder: Path, found: FringeResult, facts: MeasuredFacts, bars: ErrorBars, attributes: Mapping[str, str]
 ) -> None:
-    """Write result.h5, figures, scene.toml and report.json. attributes: of result.h5, beside those of all results."""
+    """Write result.h5, figures, scene.toml, report.html and report.json. attributes: of result.h5, beside those of all
+    results."""
     from irtscots_cl.report.fringe_figures import write_fringe_figures
+    from irtscots_cl.report.fringe_html import write_fringe_html
 
     result = found.result
-    in_frame = screen_points(result)
     outline = None if found.picture is None else found.picture.outline
     maps = FringeMaps(
-        found.coordinates, in_frame, found.stored, found.reason, None if outline is None else outline.coverage
+        found.coordinates,
+        screen_points(result),
+        found.stored,
+        found.reason,
+        found.second_harmonic,
+        None if outline is None else outline.coverage,
     )
     common = {
         "scene": result.nominal.to_toml(),
@@ -81,8 +118,9 @@ def write_fringes(
     }
     with open_output_folder(folder):
         write_fringe_result(folder / "result.h5", maps, result, common | attributes | version_attributes(), bars)
-        write_fringe_figures(folder / "figures", result, found.coordinates, found.reason)
+        figures = write_fringe_figures(folder / "figures", result, maps)
         write_text(folder / "scene.toml", result.nominal.to_toml())
+        write_fringe_html(folder / "report.html", facts, figures, result.nominal.to_toml())
         write_json(folder / "report.json", dict(facts))
 
 

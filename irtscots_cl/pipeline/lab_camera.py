@@ -16,7 +16,7 @@ from irtscots_cl.imaging.lab_frames import CameraCalibration, Frames, LabFrames,
 from irtscots_cl.maths.arrays import BoolArray
 from irtscots_cl.measurement.camera_checks import camera_checks
 from irtscots_cl.measurement.frame_survey import survey_frames
-from irtscots_cl.measurement.fringe_quality import check_frame_values
+from irtscots_cl.measurement.fringe_frame_checks import check_frame_values
 from irtscots_cl.measurement.quality import Check
 from irtscots_cl.report.image_types import CameraFacts, ImageFileFacts
 from irtscots_cl.report.types import MeasuredFacts

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +13,14 @@ from irtscots_cl.imaging.camera_files import CameraFiles
 from irtscots_cl.imaging.fringe_images import open_fringe_images
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.imaging.orientation import stored, upright
-from irtscots_cl.imaging.shown_frames import GRAY
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.coefficients import check_kind
-from irtscots_cl.measurement.colour_mosaic import check_mosaic
 from irtscots_cl.measurement.error_bars import error_bars
-from irtscots_cl.measurement.fringe_frames import frames_shown
+from irtscots_cl.measurement.fringe_costs import fraction_error, height_cost_nm
+from irtscots_cl.measurement.fringe_factors import LIGHT, FrameFactors
 from irtscots_cl.measurement.fringe_light import place_mm, places_of_light
 from irtscots_cl.measurement.fringe_quality import (
     Exclusions,
-    check_frames,
     check_geometry,
     check_light,
     check_notes,
@@ -28,20 +28,21 @@ from irtscots_cl.measurement.fringe_quality import (
     check_saturation,
     exclusions,
 )
+from irtscots_cl.measurement.harmonic_map import second_harmonic_maps
 from irtscots_cl.measurement.mirror_mask import mirror_mask
 from irtscots_cl.measurement.quality import WARNING, Check
-from irtscots_cl.measurement.reconstruction import design_points
-from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, mirror_signal, screen_coordinates
+from irtscots_cl.measurement.reconstruction import Reconstruction, design_points
+from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, mirror_signal
 from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_places
 from irtscots_cl.measurement.unwrapping import MARGIN
 from irtscots_cl.optics.setup import Setup
+from irtscots_cl.pipeline.fringe_frames import check_light_and_dark, places_by_frames
 from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, add_picture_facts, fringe_facts, write_fringes
 from irtscots_cl.pipeline.lab_camera import RecordedImages, recorded_images
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
 from irtscots_cl.pipeline.picture import MaskChoice, look_at_mirror
 from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
-from irtscots_cl.system import interruption
 
 METHOD = "cubic"  # of integration
 PRIOR_PERIODS = 0.1  # of the lowest series: how well the design is taken to tell a place, where no series does
@@ -106,8 +107,8 @@ def fringe_surface(
     images, checks = recorded.images, list(recorded.checks)
     refuse_bad(checks, strict)
     stack = images.stack(recorded.ceiling)
-    if stack.white is not None:
-        checks.append(check_mosaic(stack.white - (0.0 if stack.dark is None else stack.dark)))
+    checks += check_light_and_dark(images, stack)
+    refuse_bad(checks, strict)
     orientation = setup.scene.camera.detector.orientation
     on_mirror = setup.chief_rays.footprint.coverage >= COVERAGE
     signal = mirror_signal(stack)
@@ -118,28 +119,16 @@ def fringe_surface(
     checks += picture.checks
     refuse_bad(checks, False)  # marks that are mirrored; warnings wait for the other checks
     masks = picture.masks(upright(lit, orientation), on_mirror, orientation)
-    mask = masks["lit"] if masks["use"] is None else masks["lit"] & masks["use"]
     design = _design_fractions(setup, stack)
     prior = _prior(stack, design)
-    found = screen_coordinates(stack, mask=mask, prior=prior)
-    interruption.check()
-    coded = bool(images.manifest.numbers(GRAY))
-    if coded:
-        from irtscots_cl.pipeline.gray_orders import gray_orders  # few fringes come with a Gray code
-
-        found, more = gray_orders(recorded, found, setup)
-        checks += more
-        refuse_bad(checks, strict)
-    shown = frames_shown(stack, found, design)
-    frames = images.manifest.frames
-    checks.append(
-        check_frames(shown, lambda k: images.name(images.of_stack(k)), lambda k: frames[images.of_stack(k)].text)
-    )
-    refuse_bad(checks, strict)
-    checks += check_notes(found) + ([] if coded else _prior_note(stack))
+    frames = places_by_frames(recorded, stack, design, prior, masks, setup, strict)
+    found = frames.found
+    checks += frames.checks + check_notes(found) + ([] if frames.coded else _prior_note(stack))
     why = exclusions(found, **masks, bad=recorded.bad)
     clipping = on_mirror if recorded.bad is None else on_mirror & ~upright(recorded.bad, orientation)
-    checks.append(check_saturation(found, stored(clipping, orientation), recorded.ceiling))
+    checks.append(
+        check_saturation(found, stored(clipping, orientation), recorded.ceiling, frames.shown, images.name_in_stack)
+    )
     checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
     refuse_bad(checks, strict)
     found, phases = places_of_light(found, setup, images.manifest.levels, keep_orders=bool(prior))
@@ -148,10 +137,54 @@ def fringe_surface(
     checks += check_light(found, phases, setup, used & on_mirror)
     checks.append(check_pixels(why.counts(stored(on_mirror, orientation))))
     refuse_bad(checks, strict)
-    result = surface_from_places(
-        _places(found, setup, used), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
-    )
-    return FringeResult(result, found, reason=why.reason, picture=picture), checks
+
+    def surface(errors: dict[str, FloatArray] | None = None) -> Reconstruction:
+        places = _places(found if errors is None else _moved(found, errors), setup, used)
+        return surface_from_places(places, setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE)
+
+    result = surface()
+    checks = _with_costs(checks, frames.factors, found, lambda errors: height_cost_nm(result, errors, surface))
+    return FringeResult(
+        result,
+        found,
+        reason=why.reason,
+        picture=picture,
+        transfer=frames.factors.transfer,
+        second_harmonic=second_harmonic_maps(frames.stack, found),
+    ), checks
+
+
+def _moved(found: ScreenCoordinates, errors: dict[str, FloatArray]) -> ScreenCoordinates:
+    """The places less errors of their fractions."""
+    axes = {a: replace(one, fraction=one.fraction - np.nan_to_num(errors[a])) for a, one in found.axes.items()}
+    return replace(found, axes=axes)
+
+
+def _rounded(value: float) -> str:
+    return f"{value:.0f}" if value >= 10 else f"{value:.1g}"
+
+
+def _with_costs(
+    checks: list[Check],
+    factors: FrameFactors,
+    found: ScreenCoordinates,
+    cost_nm: Callable[[dict[str, FloatArray]], float],
+) -> list[Check]:
+    """The checks with what added light costs, those with the highest costs first."""
+    added = next((one.added for one in factors.changes if one.added is not None), None)
+    if added is None:
+        return checks
+    counts = [one.fringes.count for one in found.axes.values()]
+    parts = np.split(added, np.cumsum(counts)[:-1])
+    errors = {axis: fraction_error(one, part) for (axis, one), part in zip(found.axes.items(), parts, strict=True)}
+    cost = cost_nm(errors)
+    told = [
+        replace(check, cost_nm=cost, text=f"{check.text}; it costs about {_rounded(cost)} nm of height")
+        if check.name == LIGHT
+        else check
+        for check in checks
+    ]
+    return sorted(told, key=lambda check: -check.cost_nm if math.isfinite(check.cost_nm) else 0.0)
 
 
 def _design_fractions(setup: Setup, stack: FringeStack) -> dict[str, FloatArray]:

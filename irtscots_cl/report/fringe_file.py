@@ -14,14 +14,15 @@ from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.maths.integration import separate_islands
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
-from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates
+from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates
 from irtscots_cl.system import interruption
 from irtscots_cl.system.atomic_files import replacing
 
-REASON_UNIT = (
-    "0 used, 1 masked, 2 without fringes, 3 too few samples, 4 order in doubt, 5 series disagree, "
-    "6 off the mirror's edge, 7 fiducial"
-)
+REASON_WORDS = (
+    "used", "masked", "without fringes", "too few samples", "order in doubt", "series disagree",
+    "off the mirror's edge", "fiducial", "bad pixel",
+)  # fmt: skip
+REASON_UNIT = ", ".join(f"{number} {words}" for number, words in enumerate(REASON_WORDS))
 Rows = list[tuple[str, np.ndarray, str]]
 
 
@@ -29,13 +30,15 @@ Rows = list[tuple[str, np.ndarray, str]]
 class FringeMaps:
     """coordinates: of the images as stored. points_mm: [rows, columns, 3] upright, where the pixels' places are in the
     screen's frame. stored: turns an upright map as the images are stored. reason: of the images as stored, why pixels
-    are not used (measurement.fringe_quality.Reason); None: not known. coverage: share of each pixel on the mirror by
-    its outline in the picture, upright; None where no outline was found."""
+    are not used (measurement.fringe_quality.Reason); None: not known. second_harmonic: over the first, by axis, of the
+    images as stored. coverage: share of each pixel on the mirror by its outline in the picture, upright; None where no
+    outline was found."""
 
     coordinates: ScreenCoordinates
     points_mm: FloatArray = field(repr=False)
     stored: Callable[[Any], Any] = field(repr=False)
     reason: IntArray | None = field(default=None, repr=False)
+    second_harmonic: Mapping[str, FloatArray] = field(default_factory=dict, repr=False)
     coverage: FloatArray | None = field(default=None, repr=False)
 
 
@@ -48,7 +51,7 @@ def write_fringe_result(
     if maps.coverage is not None:
         upright.append(("outline/coverage", maps.coverage.astype(np.float32), "1"))
     why: Rows = [] if maps.reason is None else [("excluded", maps.reason.astype(np.uint8), REASON_UNIT)]
-    rows = [*why, *_fringes(maps.coordinates), *((name, maps.stored(values), unit) for name, values, unit in upright)]
+    rows = [*why, *_fringes(maps), *((name, maps.stored(values), unit) for name, values, unit in upright)]
     write_rows(path, rows, attributes)
 
 
@@ -63,8 +66,9 @@ def write_rows(path: Path, rows: Rows, attributes: Mapping[str, str]) -> None:
             file[name].attrs["unit"] = unit
 
 
-def _fringes(found: ScreenCoordinates) -> Rows:
+def _fringes(maps: FringeMaps) -> Rows:
     """What the fringes say, of the images as stored."""
+    found = maps.coordinates
     rows: Rows = [("modulation", weakest_modulation(found), "1")]
     for axis, one in found.axes.items():
         rows += [
@@ -76,10 +80,36 @@ def _fringes(found: ScreenCoordinates) -> Rows:
             (f"fringes/{axis}_offset", one.offset, "counts"),
             (f"fringes/{axis}_residual", one.residual, "counts"),
             (f"fringes/{axis}_samples_left_out", one.missing, "1"),
+            (f"fringes/{axis}_saturated_share", saturated_share(one), "1"),
+            (f"fringes/{axis}_phase_residual_rad", phase_residual(one), "rad"),
+            (f"fringes/{axis}_noise", noise_map(one), "counts"),
             (f"fringes/{axis}_misfit", one.misfit, "1"),
             (f"fringes/{axis}_wrong_order_probability", one.wrong, "1"),
         ]
+        if axis in maps.second_harmonic:
+            rows.append((f"fringes/{axis}_second_harmonic", maps.second_harmonic[axis], "1"))
     return rows
+
+
+def phase_residual(one: AxisCoordinates) -> np.ndarray:
+    """What the fits leave, as a phase [series, rows, columns]: residual over amplitude."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share: np.ndarray = one.residual / one.amplitude
+        return share
+
+
+def noise_map(one: AxisCoordinates) -> np.ndarray:
+    """Noise of a sample [rows, columns] by the noise found in all pixels, at the pixel's mean light; NaN if unknown."""
+    mean = np.asarray(one.offset, float).mean(axis=0)
+    noise = one.survey.noise
+    found: np.ndarray = np.full(mean.shape, np.nan) if noise is None else np.sqrt(noise.variance(mean))
+    return np.where(np.isfinite(mean), found, np.nan)
+
+
+def saturated_share(one: AxisCoordinates) -> np.ndarray:
+    """Share [rows, columns] of the axis' samples that are saturated or no numbers."""
+    share: np.ndarray = one.missing / one.fringes.count
+    return share
 
 
 def weakest_modulation(found: ScreenCoordinates) -> np.ndarray:

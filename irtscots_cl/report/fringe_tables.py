@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
+from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.report.tables import Table
-from irtscots_cl.report.types import MeasuredFacts
+from irtscots_cl.report.types import MeasuredFacts, PhotonTransferFacts
+
+
+def _electrons(found: PhotonTransferFacts) -> str:
+    if not math.isfinite(found["electrons_per_count"]):
+        return "not told: the noise does not grow clearly with the light"
+    return str(Estimate(found["electrons_per_count"], found["electrons_per_count_standard_error"]))
 
 
 def fringe_tables(facts: MeasuredFacts) -> list[Table]:
@@ -22,6 +31,11 @@ def fringe_tables(facts: MeasuredFacts) -> list[Table]:
             values = found[key]  # type: ignore[literal-required]
             rows.append((what, f"{values['x']:.3g}, {values['y']:.3g}"))
         rows.append(("pixels expected to have a wrong fringe order", f"{found['pixels_with_wrong_order']:.2g}"))
+        if "noise" in found:
+            told = ", ".join(f"{found['noise'][axis]:.3g}" for axis in ("x", "y"))
+            rows.append(("noise of a sample of median brightness [counts]", told))
+        if "photon_transfer" in found:
+            rows.append(("electrons per count, by noise against light", _electrons(found["photon_transfer"])))
         if "excluded" in found:
             told = ", ".join(f"{n} {reason}" for reason, n in found["excluded"].items() if n)
             rows.append(("pixels of the mirror by reason", told))

@@ -83,7 +83,8 @@ class Refused(TypedDict):
 
 
 class CheckFacts(TypedDict):
-    """One check of the images. level: ok, warning or error. false_alarm: chance that good images fail it."""
+    """One check of the images. level: ok, warning or error. false_alarm: chance that good images fail it.
+    cost_nm: rms of the height that what it names costs, NaN where that is not known."""
 
     name: str
     level: str
@@ -91,6 +92,7 @@ class CheckFacts(TypedDict):
     limit: float
     false_alarm: float
     text: str
+    cost_nm: float
 
 
 class Predicted(TypedDict):
@@ -332,6 +334,21 @@ class GeometryFacts(TypedDict):
     focal_lengths_m: AlongAxes
 
 
+class PhotonTransferFacts(TypedDict):
+    """A camera's noise against light. electrons: NaN where the noise does not grow clearly with the light. light,
+    variance: of samples of nearly equal light, above dark. departs: largest difference of a variance from the line,
+    over the line."""
+
+    electrons_per_count: float
+    electrons_per_count_standard_error: float
+    read_noise_counts: float
+    read_noise_electrons: float
+    light_counts: list[float]
+    variance_counts2: list[float]
+    variance_counts2_standard_error: list[float]
+    departs: float
+
+
 class FringeFacts(TypedDict):
     """What the fringes say. periods: over the screen. standard_error_mm: of the places on the screen, the median.
     excluded: the mirror's pixels by the reason why they are not used, "used" among them. noise: of a sample of median
@@ -343,6 +360,7 @@ class FringeFacts(TypedDict):
     pixels_with_wrong_order: float
     excluded: NotRequired[dict[str, int]]
     noise: NotRequired[dict[str, float]]
+    photon_transfer: NotRequired[PhotonTransferFacts]
 
 
 class PlaceFacts(TypedDict):
