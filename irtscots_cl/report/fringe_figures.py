@@ -155,5 +155,6 @@ def _draw_reasons(axes: Axes, reason: IntArray, maps: FringeMaps, result: Recons
     parts = [
         Patch(facecolor=colour, edgecolor="black", linewidth=0.5, label=f"{words}: {count}")
         for colour, words, count in zip(COLOURS, REASON_WORDS, counts, strict=True)
+        if count
     ]
     axes.legend(handles=parts, loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)

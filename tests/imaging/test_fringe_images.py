@@ -9,6 +9,7 @@ import pytest
 from fringe_folders import Lab
 from noisy_images import small
 
+from irtscots_cl.imaging.camera_files import CameraFiles
 from irtscots_cl.imaging.fringe_images import is_fringe_input, open_fringe_images, own_manifest
 from irtscots_cl.imaging.fringe_manifest import DARK, WHITE, FringeManifest, frames_of
 from irtscots_cl.imaging.fringes import FringeSet
@@ -30,7 +31,7 @@ def lab(scene):
 
 def test_the_stack_has_the_manifests_order_and_the_means(scene, lab, tmp_path):
     lab.write(tmp_path)
-    images = open_fringe_images([tmp_path], scene, saturation=999.0)
+    images = open_fringe_images([tmp_path], scene, camera=CameraFiles(saturation=999.0))
     stack = images.stack()
     assert [int(image[0, 0]) for image in (stack.frames[k] for k in range(6))] == [20, 30, 40, 50, 60, 70]
     assert stack.dark[0, 0] == 0 and stack.white[0, 0] == 10 and stack.saturation == 999
@@ -44,8 +45,7 @@ def test_a_missing_image_is_named_by_the_gap_in_the_numbers(scene, lab, tmp_path
     lab.write(tmp_path)[gone].unlink()
     with pytest.raises(ValueError, match="7 images") as caught:
         open_fringe_images([tmp_path], scene)
-    assert "images are missing" in str(caught.value)
-    assert ("IMG_5.tif, which would show" in str(caught.value)) == (gone == 4)
+    assert ("IMG_5.tif (x fringes of 0.9 periods at 240 degrees) is missing" in str(caught.value)) == (gone == 4)
 
 
 def test_too_many_images_and_other_shapes_are_refused(scene, lab, tmp_path):

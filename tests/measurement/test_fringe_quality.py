@@ -44,7 +44,8 @@ def test_every_pixel_has_its_reason():
     assert (why.reason[~disk()] == Reason.DARK).all() and why.used.sum() == disk().sum() - 4
     counts = why.counts(disk())
     assert counts == {
-        "used": disk().sum() - 4, "masked": 1, "dark": 0, "saturated": 1, "order": 1, "disagree": 1
+        "used": disk().sum() - 4, "masked": 1, "dark": 0, "saturated": 1, "order": 1, "disagree": 1, "edge": 0,
+        "mark": 0, "bad": 0,
     }  # fmt: skip
 
 

@@ -220,6 +220,6 @@ def test_json_has_the_checks_and_errors(irtscots, lab):
     facts = json.loads(out, parse_constant=pytest.fail)
     assert facts["measure"] == "likelihood" and 0 < facts["height_standard_error_nm"] < 5
     for check in facts["checks"]:
-        assert check.keys() == {"name", "level", "value", "limit", "false_alarm", "text"}
+        assert check.keys() == {"name", "level", "value", "limit", "false_alarm", "text", "cost_nm"}
         assert check["level"] in (OK, WARNING, ERROR) and check["text"]
     assert {"orientation", "saturation", "frames x", "gains y", "profile x"} <= {c["name"] for c in facts["checks"]}

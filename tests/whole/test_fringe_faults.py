@@ -16,6 +16,7 @@ from irtscots_cl.imaging.fringes import FringeSet
 from irtscots_cl.maths.low_order import rms
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.quality import OK
+from irtscots_cl.pipeline.lab_camera import recorded_images
 from irtscots_cl.pipeline.measure_fringes import fringe_surface
 from irtscots_cl.tracing.trace import trace
 
@@ -49,7 +50,7 @@ def measured(scene, good, tmp_path):
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
         replace(good, frames=np.clip(np.rint(frames), 0, TOP).astype(np.uint16)).write(folder)
-        found, checks = fringe_surface(open_fringe_images([folder], scene.nominal()), setup_of(scene))
+        found, checks = fringe_surface(recorded_images(open_fringe_images([folder], scene.nominal())), setup_of(scene))
         return found.result, checks
 
     return of
@@ -59,7 +60,7 @@ def measured(scene, good, tmp_path):
 def noise_free(run, scene, tmp_path_factory):
     folder = tmp_path_factory.mktemp("clean")
     recorded(run, scene, SETS, noise=False).write(folder)
-    return fringe_surface(open_fringe_images([folder], scene.nominal()), setup_of(scene))[0].result
+    return fringe_surface(recorded_images(open_fringe_images([folder], scene.nominal())), setup_of(scene))[0].result
 
 
 def cases():
