@@ -10,6 +10,7 @@ Places free of it are means over the light, as those of line scans are.
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -26,6 +27,9 @@ from irtscots_cl.system import interruption
 AT_ONCE = 2**20  # values of the light on the screen's lines
 LEAST = 0.02  # of the light's modulation, below which its phase says nothing
 SAMPLE = 8000  # pixels
+ROUNDS = 8  # at most, of finding the places and what the light makes of the fringes there
+SETTLED = 0.01  # of a place's standard error, by which a round moves it, where they end
+STEEP = 2.0  # step of the secant over the plain one: beyond, the plain one is taken
 
 
 @dataclass(frozen=True)
@@ -126,15 +130,51 @@ def places_of_light(
     """The same coordinates with the places of the light's centroids; and what the light makes of the fringes, by axis.
 
     setup: of the design. found: of images as stored, with the detector's pixels. levels: see light_phases.
-    phase_rad stays as measured. A pixel whose light is not known keeps its place. One round will do: the
-    difference is some um on the screen, and hardly another one that far away.
+    phase_rad stays as measured. A pixel whose light is not known keeps its place; a series of which the light leaves
+    too little is not used. Where places do not settle, what they still move by is part of their standard error.
     """
-    axes, phases = {}, {}
-    for axis, one in found.axes.items():
-        phases[axis] = light_phases(setup, one.fringes, place_mm(one, setup), levels, _gamma(one))
-        difference = stored(phases[axis].difference_rad, setup.scene.camera.detector.orientation)
-        axes[axis] = _moved(one, found.mask, difference)
+    setup.pixel_light.valid()  # made once, before two threads ask for it
+    with ThreadPoolExecutor(len(found.axes)) as pool:
+        results = pool.map(lambda one: _of_light(one, found.mask, setup, levels), found.axes.values())
+        moved = dict(zip(found.axes, results, strict=True))
+    axes, phases = ({axis: pair[k] for axis, pair in moved.items()} for k in (0, 1))
     return ScreenCoordinates(found.mask, axes), phases
+
+
+def _of_light(
+    one: AxisCoordinates, mask: np.ndarray, setup: Setup, levels: int
+) -> tuple[AxisCoordinates, LightPhases]:
+    """One axis of places_of_light. The light's phases depend on the place that they give: rounds with secant steps."""
+    orientation, pitch = setup.scene.camera.detector.orientation, _fraction_mm(one.fringes, setup)
+    at, last = place_mm(one, setup), None
+    for _ in range(ROUNDS):
+        phases = light_phases(setup, one.fringes, at, levels, _gamma(one))
+        moved = _moved(one, mask, stored(phases.difference_rad, orientation))
+        rest = place_mm(moved, setup) - at
+        with np.errstate(invalid="ignore"):
+            unsettled = np.abs(rest) > SETTLED * pitch * upright(moved.standard_error, orientation)
+        if not unsettled.any():
+            return moved, phases
+        at, last = _secant(at, rest, last), (at, rest)
+    left = stored(np.where(unsettled, rest / pitch, 0.0), orientation)
+    return replace(moved, standard_error=np.hypot(moved.standard_error, left)), phases
+
+
+def _secant(at: FloatArray, rest: FloatArray, last: tuple[FloatArray, FloatArray] | None) -> FloatArray:
+    """Where to look next for the place that a round does not move, from what the last two rounds moved it by."""
+    plain = at + rest
+    if last is None:
+        return plain
+    with np.errstate(invalid="ignore", divide="ignore"):
+        step = rest * (at - last[0]) / (last[1] - rest)
+        return np.where(np.abs(step) <= STEEP * np.abs(rest), at + step, plain)
+
+
+def _fraction_mm(fringes: FringeSet, setup: Setup) -> float:
+    """Length on the screen of the fraction 1."""
+    k, screen = "xy".index(fringes.axis), setup.scene.screen
+    ends = fringes.position_mm(np.array([0.0, 1.0]), screen.pixels[k], screen.pitch_xy_mm[k])
+    return float(np.diff(ends)[0])
 
 
 def _gamma(one: AxisCoordinates) -> float:
@@ -150,7 +190,9 @@ def _moved(one: AxisCoordinates, mask: np.ndarray, difference: FloatArray) -> Ax
     def flat(values: Any) -> FloatArray:
         return np.asarray(values.reshape(len(values), -1)[:, pixels], float)
 
-    phase = flat(one.phase_rad) - np.nan_to_num(flat(difference))
+    light = flat(difference)
+    known = np.isfinite(light)
+    phase = np.where(known | ~known.any(0), flat(one.phase_rad) - np.nan_to_num(light), np.nan)
     error = flat(one.phase_error_rad)
     some = slice(None, None, max(1, len(pixels) // SAMPLE))
     floor = phase_floor(phase[:, some], error[:, some], one.fringes.periods)

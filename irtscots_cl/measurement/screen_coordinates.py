@@ -26,7 +26,7 @@ from irtscots_cl.system.memory import check_memory
 
 AT_ONCE = 2**17  # pixels
 WORKERS = 2
-MAP_BYTES = 20  # of a pixel and series: five maps
+MAP_BYTES = 24  # of a pixel and series: five maps
 PIXEL_BYTES = 120  # of a pixel: places, errors, and what is made on the way
 
 
@@ -37,9 +37,9 @@ class AxisCoordinates:
     fraction, standard_error: [rows, columns] of the screen, in the fringes' own convention (FringeSet.reverse, ends);
     the standard error holds noise and the floor, for the right fringe orders. wrong: probability of wrong orders.
     misfit: chi-square of the series' agreement over its degrees of freedom.
-    phase_rad (harmonics taken out), phase_error_rad (noise alone), amplitude, offset, residual (rms over its degrees of
-    freedom, harmonics included): [series, rows, columns] float32. missing: [rows, columns] samples left out, saturated
-    or no numbers.
+    phase_rad (harmonics taken out): [series, rows, columns]. phase_error_rad (noise alone), amplitude, offset, residual
+    (rms over its degrees of freedom, harmonics included): the same in float32. missing: [rows, columns] samples left
+    out, saturated or no numbers.
     """
 
     fringes: FringeSet
@@ -200,6 +200,7 @@ def _evaluate(stack: FringeStack, number: int, pixels: IntArray, found: Survey) 
     series = len(found.steps_rad)
     names = ("phase_rad", "phase_error_rad", "amplitude", "offset", "residual")
     maps: dict[str, NDArray[Any]] = {name: np.empty((series, len(pixels)), np.float32) for name in names}
+    maps["phase_rad"] = np.empty((series, len(pixels)))  # places to 1e-9 of the screen need more than float32
     maps["missing"] = np.zeros(len(pixels), np.float32)
     for k, (_, _, images) in enumerate(stack.series(number)):
         flat = images.reshape(len(images), -1)
