@@ -12,6 +12,7 @@ import numpy as np
 from irtscots_cl.imaging.orientation import stored
 from irtscots_cl.maths.arrays import IntArray
 from irtscots_cl.measurement.error_bars import ErrorBars
+from irtscots_cl.measurement.harmonic_bias import HarmonicBias
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
@@ -25,11 +26,13 @@ FRINGES = "fringes"  # the name of the measure
 @dataclass(frozen=True)
 class FringeResult:
     """A mirror measured by fringes. coordinates: of the images as stored. reason: why pixels [rows, columns] as stored
-    are not used (fringe_quality.Reason), None where it was not asked."""
+    are not used (fringe_quality.Reason), None where it was not asked. harmonics: by axis, what was taken out of the
+    phases."""
 
     result: Reconstruction
     coordinates: ScreenCoordinates
     reason: IntArray | None = field(default=None, repr=False, kw_only=True)
+    harmonics: Mapping[str, HarmonicBias] = field(default_factory=dict, repr=False, kw_only=True)
 
     def stored(self, maps: Any) -> Any:
         """Upright maps as the images are stored."""
@@ -41,12 +44,24 @@ def fringe_facts(found: FringeResult) -> FringeFacts:
     axes = found.coordinates.axes
     mask = found.stored(found.result.mask)
     errors = dict(zip("xy", found.result.place_errors_mm or (), strict=True))
-    return {
+    facts: FringeFacts = {
         "periods": {axis: list(one.fringes.periods) for axis, one in axes.items()},
         "standard_error_mm": {axis: _median(errors[axis][found.result.mask]) for axis in ("x", "y")},  # type: ignore[typeddict-item]
         "modulation": {axis: _median(axes[axis].modulation[:, mask].min(axis=0)) for axis in ("x", "y")},  # type: ignore[typeddict-item]
         "pixels_with_wrong_order": float(sum(np.nansum(one.wrong[mask]) for one in axes.values())),
     }
+    if found.harmonics:
+        facts["harmonics"] = {
+            axis: {
+                "gamma": one.gamma,
+                "gamma_standard_error": one.gamma_error,
+                "closed_form_rad": list(one.closed_form_rad),
+                "bias_rad": list(one.bias_rad),
+                "height_nm": one.height_nm,
+            }
+            for axis, one in found.harmonics.items()
+        }
+    return facts
 
 
 def _median(values: np.ndarray) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,12 @@ from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.imaging.mask_files import read_mask
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
+from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.frame_survey import survey_frames
 from irtscots_cl.measurement.fringe_frames import frames_shown
-from irtscots_cl.measurement.fringe_light import place_mm, places_of_light
+from irtscots_cl.measurement.fringe_light import place_mm, places_of_light, places_with_harmonics
 from irtscots_cl.measurement.fringe_quality import (
     Exclusions,
     check_frame_values,
@@ -28,6 +30,7 @@ from irtscots_cl.measurement.fringe_quality import (
     check_saturation,
     exclusions,
 )
+from irtscots_cl.measurement.harmonic_bias import harmonic_bias
 from irtscots_cl.measurement.quality import WARNING, Check
 from irtscots_cl.measurement.reconstruction import design_points
 from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, find_mask, screen_coordinates
@@ -41,6 +44,7 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
 
 METHOD = "cubic"  # of integration
+PLANE = "piston_tilt"
 PRIOR_PERIODS = 0.1  # of the lowest series: how well the design is taken to tell a place, where no series does
 COVERAGE = 0.5  # least share of a pixel's footprint that lies on the mirror
 
@@ -122,16 +126,23 @@ def fringe_surface(
     checks.append(check_saturation(found, stored(on_mirror, orientation), ceiling))
     checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
     refuse_bad(checks, strict)
-    found, phases = places_of_light(found, setup, images.manifest.levels)
+    raw = found
+    found, phases = places_of_light(raw, setup, images.manifest.levels)
     why = exclusions(found, lit, use)
     used = upright(why.used, orientation)
     checks += check_light(found, phases, setup, used & on_mirror)
     checks.append(check_pixels(why.counts(stored(on_mirror, orientation))))
     refuse_bad(checks, strict)
     result = surface_from_places(
-        _places(found, setup, used), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
+        places_in_mm(found, setup, used), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
     )
-    return FringeResult(result, found, reason=why.reason), checks
+    bias = harmonic_bias(raw, phases, result.mask)
+    if bias:
+        harmful = places_in_mm(places_with_harmonics(raw, phases, orientation), setup, result.mask)
+        other = surface_from_places(harmful, setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE)
+        cost = remove_terms(result.x_mm, result.y_mm, other.deviation_mm - result.deviation_mm, result.mask, PLANE)
+        bias = {axis: replace(one, height_nm=rms(cost, result.mask) * 1e6) for axis, one in bias.items()}
+    return FringeResult(result, found, reason=why.reason, harmonics=bias), checks
 
 
 def _design_fractions(setup: Setup, stack: FringeStack) -> dict[str, FloatArray]:
@@ -176,7 +187,7 @@ def _prior_note(stack: FringeStack) -> list[Check]:
     ]
 
 
-def _places(found: ScreenCoordinates, setup: Setup, used: BoolArray) -> ScreenPlaces:
+def places_in_mm(found: ScreenCoordinates, setup: Setup, used: BoolArray) -> ScreenPlaces:
     """Places in mm of the used pixels, upright."""
     screen, orientation = setup.scene.screen, setup.scene.camera.detector.orientation
     maps: list[FloatArray] = [place_mm(found.axes[axis], setup) for axis in "xy"]

@@ -329,6 +329,18 @@ class GeometryFacts(TypedDict):
     focal_lengths_m: AlongAxes
 
 
+class HarmonicFacts(TypedDict):
+    """What a screen's gamma would do to the phases of an axis were it left in them, by series: closed_form_rad, the
+    largest without blur; bias_rad, the largest over the pixels used. height_nm: rms of the heights' change by both
+    axes, piston and tilt removed."""
+
+    gamma: float
+    gamma_standard_error: float
+    closed_form_rad: list[float]
+    bias_rad: list[float]
+    height_nm: float
+
+
 class FringeFacts(TypedDict):
     """What the fringes say. periods: over the screen. standard_error_mm: of the places on the screen, the median.
     excluded: the mirror's pixels by the reason why they are not used, "used" among them. noise: of a sample of median
@@ -340,6 +352,7 @@ class FringeFacts(TypedDict):
     pixels_with_wrong_order: float
     excluded: NotRequired[dict[str, int]]
     noise: NotRequired[dict[str, float]]
+    harmonics: NotRequired[dict[str, HarmonicFacts]]
 
 
 class MeasuredFacts(TypedDict):

@@ -232,11 +232,12 @@ class PixelResponse:
         factors = (mass, -mass * bend_n / np.pi, -(2 / 3) * (mass * bend_t + growth) / np.pi)
         tau = (edges_mm - self._centre(output, maps, cells, by_s, by_t)[:, None]) / radius[:, None]
         reach = 1 + sum(np.maximum((np.abs(slope) + np.abs(turn)) * half, MIN_HALF_BOX) for slope, turn, half in boxes)
-        across = _window(np.abs(tau) < reach)
+        near = np.abs(tau) < reach
+        across = _window(near)
         found = _chord_light(np.concatenate([np.take_along_axis(tau, across, 1), reach], 1), boxes, factors)
-        below = found[:, -1:] * (tau > 0)  # all of the light beyond it, nothing before
+        below = np.zeros_like(tau)
         np.put_along_axis(below, across, found[:, :-1], 1)
-        return below
+        return np.where(near, below, found[:, -1:] * (tau > 0))  # all of the light beyond it, nothing before
 
     def _centre(self, output: str, maps: RayMap, cells: PixelQuadrature, by_s, by_t) -> np.ndarray:
         """Centroid [m] of the light of the cells' own images along u or v, in mm.
