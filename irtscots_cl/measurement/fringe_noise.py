@@ -6,10 +6,12 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.phase import FrameNoise
 
 GROUPS = 16  # of pixels with nearly the same brightness
+UNEVEN = 9.0  # variance of a series over the least of all, from which on it is no noise
+SEEN = 0.01  # root of that variance over the fringes' amplitude
 TRIMMED = 0.1  # share of the pixels, those with the largest residuals
 
 
@@ -37,6 +39,25 @@ def estimate_noise(square: FloatArray, freedom: FloatArray, signal: FloatArray) 
     columns = np.stack([np.ones_like(x), np.maximum(x, 0.0)], -1)
     (read, gain), _ = nnls(columns * factor[:, None], y * factor)
     return FrameNoise(float(read), float(gain))
+
+
+def uneven_series(variance: FloatArray, amplitude: FloatArray) -> BoolArray:
+    """Series whose residuals are no noise: their variance [series] is far above the least, and seen beside the fringes'
+    amplitude [series]. NaN: not known."""
+    known = np.isfinite(variance)
+    if np.count_nonzero(known) < 2:
+        return np.zeros(len(variance), bool)
+    with np.errstate(invalid="ignore"):
+        seen = np.sqrt(variance) > SEEN * np.nanmax(amplitude)
+        uneven: BoolArray = (variance > UNEVEN * variance[known].min()) & seen
+    return uneven
+
+
+def series_variance(square: FloatArray, freedom: FloatArray) -> float:
+    """Variance of a sample of one series, from sums of squared residuals [n] of so many degrees of freedom [n]; NaN
+    where there are none."""
+    useful = (freedom > 0) & np.isfinite(square)
+    return float(np.median(square[useful] / chi2.median(freedom[useful]))) if useful.any() else np.nan
 
 
 def _trimmed_mean(square: FloatArray, freedom: float) -> float:

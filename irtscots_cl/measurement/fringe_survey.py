@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.maths.arrays import FloatArray, IntArray
-from irtscots_cl.measurement.fringe_noise import estimate_noise
+from irtscots_cl.measurement.fringe_noise import estimate_noise, series_variance, uneven_series
 from irtscots_cl.measurement.harmonics import (
     ResponseTable,
     SecondHarmonic,
@@ -61,7 +61,8 @@ class Survey:
     """What holds for all pixels of a set. steps_rad: [series] of the steps to evaluate with. sign: -1 where the steps
     ran backwards. noise: None where it cannot be told. harmonics: [series] over the first, None where they are left
     alone. second: what the images say of the second one, [series]. floor_rad: error of all phases that noise does not
-    explain. amplitude, offset: [series] medians. notes: what was found that is not as it was said."""
+    explain. amplitude, offset: [series] medians. notes: what was found that is not as it was said. excess: [series]
+    factor of the phases' errors, above 1 where a series' residuals are no noise."""
 
     steps_rad: tuple[FloatArray, ...]
     sign: int
@@ -72,6 +73,7 @@ class Survey:
     amplitude: FloatArray
     offset: FloatArray
     notes: tuple[str, ...]
+    excess: tuple[float, ...]
 
 
 def survey(
@@ -104,11 +106,15 @@ def survey(
         fit if ratios is None else without_harmonics(values, fit, ratios)
         for values, fit, ratios in zip(samples, fits, harmonics, strict=True)
     ]
+    left = _residuals(samples, fits, harmonics, second)
+    excess, found = _excess(fringes, fits, left)
+    notes += found
     if noise is None:
-        noise = _noise_of(samples, fits, harmonics, second)
+        noise = _noise_of(samples, fits, left, excess)
         if noise is None:
             notes.append(f"{fringes.axis} fringes: {NO_NOISE}")
     phases, errors = phases_of(fits, steps, harmonics, noise, 1)
+    errors *= excess[:, None]
     sign, found = _direction(fringes, phases, errors, prior)
     notes += found
     # not noise: what may be one and the same in all frames
@@ -128,6 +134,7 @@ def survey(
         np.array([np.nanmedian(fit.amplitude) for fit in fits]),
         np.array([np.nanmedian(fit.offset) for fit in fits]),
         tuple(notes),
+        tuple(map(float, excess)),
     )
 
 
@@ -246,24 +253,50 @@ def blur_fall(periods: FloatArray, amplitude: FloatArray) -> float:
     return max(0.0, math.log(amplitude[low] / amplitude[high]) / float(span))
 
 
-def _noise_of(
+def _residuals(
     samples: list[NDArray[Any]],
     fits: list[SinusoidFit],
     harmonics: tuple[FloatArray | None, ...],
     second: tuple[SecondHarmonic, ...],
-) -> FrameNoise | None:
-    """Noise from the residuals of all series, without the harmonics in them."""
-    square, freedom, signal = [], [], []
+) -> list[FloatArray]:
+    """Sums of squared residuals [n] of all series, without the harmonics in them."""
+    found = []
     for values, fit, ratios, own in zip(samples, fits, harmonics, second, strict=True):
         left = fit.square
         if np.isfinite(own.ratio):
             there = np.zeros(4) if ratios is None else ratios.copy()
             there[2] = own.ratio
             left = np.where(fit.samples == len(fit.steps_rad), residual_square(values, fit, there), left)
-        square.append(left)
-        freedom.append(fit.freedom.astype(float))
-        signal.append(fit.offset)
-    noise = estimate_noise(np.concatenate(square), np.concatenate(freedom), np.concatenate(signal))
+        found.append(left)
+    return found
+
+
+def _excess(fringes: FringeSet, fits: list[SinusoidFit], left: list[FloatArray]) -> tuple[FloatArray, list[str]]:
+    """Factors [series] of the errors of series whose residuals are no noise, as where one frame is wrong; and notes."""
+    variance = np.array([series_variance(s, f.freedom.astype(float)) for s, f in zip(left, fits, strict=True)])
+    uneven = uneven_series(variance, np.array([np.nanmedian(fit.amplitude) for fit in fits]))
+    excess, notes = np.ones(len(fits)), []
+    if uneven.any():
+        least = float(variance[np.isfinite(variance)].min())
+        excess[uneven] = np.sqrt(variance[uneven] / least)
+        for k in np.flatnonzero(uneven):
+            notes.append(
+                f"{fringes.axis} fringes of {fringes.periods[k]:g} periods: residuals {excess[k]:.3g} times those of "
+                "other series: a frame of them is wrong, or the light changed; their phases count accordingly less"
+            )
+    return excess, notes
+
+
+def _noise_of(
+    samples: list[NDArray[Any]], fits: list[SinusoidFit], left: list[FloatArray], excess: FloatArray
+) -> FrameNoise | None:
+    """Noise from the residuals [n] of all series where they are noise."""
+    usual = [k for k in range(len(fits)) if excess[k] == 1]
+    square, freedom, signal = (
+        np.concatenate([of(k) for k in usual])
+        for of in (lambda k: left[k], lambda k: fits[k].freedom.astype(float), lambda k: fits[k].offset)
+    )
+    noise = estimate_noise(square, freedom, signal)
     if noise is not None and all(values.dtype.kind in "iu" for values in samples):
         noise = FrameNoise(max(noise.read, ROUNDING), noise.gain)
     return noise

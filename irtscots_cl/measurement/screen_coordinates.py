@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
-from irtscots_cl.measurement.fringe_survey import SAMPLE, Survey, phases_of, survey
+from irtscots_cl.measurement.fringe_survey import MAX_FLOOR_RAD, SAMPLE, Survey, phases_of, survey
 from irtscots_cl.measurement.harmonics import ResponseTable, without_harmonics
 from irtscots_cl.measurement.mirror_mask import mirror_mask
 from irtscots_cl.measurement.phase import FrameNoise, fit_sinusoid
@@ -189,7 +189,8 @@ def places_of_phases(
         fraction = 1 - result.fraction if fringes.reverse else result.fraction
         with np.errstate(divide="ignore", invalid="ignore"):
             misfit = np.where(result.freedom > 0, result.misfit / result.freedom, np.nan)
-        places[:, part] = fraction, result.standard_error, result.wrong, misfit
+        wrong = result.wrong if floor_rad <= MAX_FLOOR_RAD else np.ones_like(fraction)  # series that do not agree
+        places[:, part] = fraction, result.standard_error, wrong, misfit
 
     _for_all(place_part, phase_rad.shape[1])
     return places
@@ -215,7 +216,7 @@ def _evaluate(stack: FringeStack, number: int, pixels: IntArray, found: Survey) 
                 [fit], found.steps_rad[of_series], found.harmonics[of_series], found.noise, found.sign
             )
             with np.errstate(invalid="ignore", divide="ignore"):
-                values = (phase[0], error[0], fit.amplitude, fit.offset, fit.residual_rms)
+                values = (phase[0], found.excess[k] * error[0], fit.amplitude, fit.offset, fit.residual_rms)
                 for name, value in zip(names, values, strict=True):
                     maps[name][k, part] = value
             maps["missing"][part] += len(flat) - fit.samples
