@@ -22,6 +22,7 @@ from irtscots_cl.imaging.fringes import FringeSet
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.fringe_gamma import ScreenGamma, screen_gamma
+from irtscots_cl.measurement.fringe_noise import errors_of_agreement
 from irtscots_cl.measurement.harmonics import phase_bias
 from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates, places_of_phases
 from irtscots_cl.measurement.unwrapping import phase_floor
@@ -226,6 +227,8 @@ def _moved(one: AxisCoordinates, mask: np.ndarray, phases: LightPhases, orientat
         complete = known & _complete(one).ravel()[pixels]
         phase, error = np.where(complete, raw, phase), np.hypot(error, np.where(complete, harmonics_error, 0.0))
     phase = np.where(known | ~known.any(0), phase - np.nan_to_num(light), np.nan)
+    if one.survey.noise is None:
+        error = errors_of_agreement(phase, flat(one.amplitude), one.fringes.periods)
     some = slice(None, None, max(1, len(pixels) // SAMPLE))
     floor = phase_floor(phase[:, some], error[:, some], one.fringes.periods)
     places = places_of_phases(one.fringes, phase, error, floor)

@@ -6,10 +6,14 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
-from irtscots_cl.maths.arrays import BoolArray, FloatArray
+from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.phase import FrameNoise
+from irtscots_cl.measurement.unwrapping import unwrap
 
 GROUPS = 16  # of pixels with nearly the same brightness
+LIKE_FRINGES = 0.3  # the same, from which on its phases say nothing
+FINE_RAD = 1e-3  # an error of phases that leaves no order in doubt
+SAMPLE = 8000  # pixels
 UNEVEN = 9.0  # variance of a series over the least of all, from which on it is no noise
 SEEN = 0.01  # root of that variance over the fringes' amplitude
 TRIMMED = 0.1  # share of the pixels, those with the largest residuals
@@ -41,16 +45,38 @@ def estimate_noise(square: FloatArray, freedom: FloatArray, signal: FloatArray) 
     return FrameNoise(float(read), float(gain))
 
 
-def uneven_series(variance: FloatArray, amplitude: FloatArray) -> BoolArray:
-    """Series whose residuals are no noise: their variance [series] is far above the least, and seen beside the fringes'
-    amplitude [series]. NaN: not known."""
-    known = np.isfinite(variance)
-    if np.count_nonzero(known) < 2:
-        return np.zeros(len(variance), bool)
-    with np.errstate(invalid="ignore"):
-        seen = np.sqrt(variance) > SEEN * np.nanmax(amplitude)
-        uneven: BoolArray = (variance > UNEVEN * variance[known].min()) & seen
-    return uneven
+def excess_errors(variance: FloatArray, amplitude: FloatArray) -> FloatArray:
+    """Factors [series] of the errors of phases, above 1 for series whose residuals are no noise, infinite for those to
+    leave out: without fringes, or with residuals like them.
+
+    variance: of the residuals [series], NaN where not known. amplitude: of the fringes [series].
+    """
+    factor = np.ones(len(variance))
+    shown = amplitude > SEEN * np.nanmax(amplitude)
+    factor[~shown] = np.inf
+    known = np.isfinite(variance) & shown
+    if known.any():
+        least = variance[known].min()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            seen = np.sqrt(variance) / amplitude
+            uneven = known & (variance > UNEVEN * least) & (seen > SEEN)
+            factor[uneven] = np.where(seen > LIKE_FRINGES, np.inf, np.sqrt(variance / least))[uneven]
+    return factor
+
+
+def errors_of_agreement(phase_rad: FloatArray, amplitude: FloatArray, periods: tuple[float, ...]) -> FloatArray:
+    """Errors [series, n] of phases [series, n] from how well the series agree, for noise that is the same in all
+    samples: in proportion to 1 / amplitude [series, n]. 0 for a single series."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shape = FINE_RAD * np.nanmedian(amplitude) / amplitude
+    some = slice(None, None, max(1, phase_rad.shape[1] // SAMPLE))
+    found = unwrap(phase_rad[:, some], shape[:, some], periods)
+    useful = np.isfinite(found.fraction) & (found.freedom > 0)
+    if not useful.any():
+        return np.zeros_like(shape)
+    scale = np.sqrt(np.median(found.misfit[useful] / chi2.median(found.freedom[useful])))
+    errors: FloatArray = scale * shape
+    return errors
 
 
 def series_variance(square: FloatArray, freedom: FloatArray) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.maths.arrays import FloatArray, IntArray
-from irtscots_cl.measurement.fringe_noise import estimate_noise, series_variance, uneven_series
+from irtscots_cl.measurement.fringe_noise import estimate_noise, excess_errors, series_variance
 from irtscots_cl.measurement.harmonics import (
     ResponseTable,
     SecondHarmonic,
@@ -52,6 +52,12 @@ DISAGREE = (
 AMBIGUOUS = (
     "{:.0%} of the pixels fit several places on the screen; must have a series below one period, or a prior such as a "
     "design's"
+)
+UNEVEN_SERIES = (
+    "residuals {:.3g} times those of the other series: a frame is wrong, or the light changed; they count less"
+)
+NO_FRINGES = (
+    "there are none, or a frame is wrong: what is left of a sinusoid's fit is as large as the fringes; not used"
 )
 BACKWARDS = "the steps ran backwards: the phases of the series agree {:.0f} times better that way, which is used"
 
@@ -274,16 +280,14 @@ def _residuals(
 def _excess(fringes: FringeSet, fits: list[SinusoidFit], left: list[FloatArray]) -> tuple[FloatArray, list[str]]:
     """Factors [series] of the errors of series whose residuals are no noise, as where one frame is wrong; and notes."""
     variance = np.array([series_variance(s, f.freedom.astype(float)) for s, f in zip(left, fits, strict=True)])
-    uneven = uneven_series(variance, np.array([np.nanmedian(fit.amplitude) for fit in fits]))
-    excess, notes = np.ones(len(fits)), []
-    if uneven.any():
-        least = float(variance[np.isfinite(variance)].min())
-        excess[uneven] = np.sqrt(variance[uneven] / least)
-        for k in np.flatnonzero(uneven):
-            notes.append(
-                f"{fringes.axis} fringes of {fringes.periods[k]:g} periods: residuals {excess[k]:.3g} times those of "
-                "other series: a frame of them is wrong, or the light changed; their phases count accordingly less"
-            )
+    excess = excess_errors(variance, np.array([np.nanmedian(fit.amplitude) for fit in fits]))
+    notes = []
+    for k in np.flatnonzero(excess > 1):
+        what = f"{fringes.axis} fringes of {fringes.periods[k]:g} periods"
+        if np.isfinite(excess[k]):
+            notes.append(f"{what}: {UNEVEN_SERIES.format(excess[k])}")
+        else:
+            notes.append(f"{what}: {NO_FRINGES}")
     return excess, notes
 
 
@@ -291,7 +295,7 @@ def _noise_of(
     samples: list[NDArray[Any]], fits: list[SinusoidFit], left: list[FloatArray], excess: FloatArray
 ) -> FrameNoise | None:
     """Noise from the residuals [n] of all series where they are noise."""
-    usual = [k for k in range(len(fits)) if excess[k] == 1]
+    usual = [k for k in range(len(fits)) if excess[k] == 1] or list(range(len(fits)))
     square, freedom, signal = (
         np.concatenate([of(k) for k in usual])
         for of in (lambda k: left[k], lambda k: fits[k].freedom.astype(float), lambda k: fits[k].offset)
