@@ -110,12 +110,20 @@ def _fixed(found: FloatArray, nominal: FloatArray) -> FloatArray:
     Single frames that are far from it do not count: the others are where they were said to be.
     """
     difference = wrapped(found - nominal)
-    slope, start = siegelslopes(difference, nominal)[:2]
-    near = np.abs(difference - start - slope * nominal) < WRONG_RAD
-    if 2 * np.count_nonzero(near) <= len(near):
-        near[:] = True
-    centred = nominal - nominal[near].mean()
-    slope = (centred * difference)[near].sum() / np.square(centred[near]).sum()
-    common = difference[near].mean() - slope * nominal[near].mean()
-    fixed: FloatArray = nominal + difference - common
+    near = np.ones(len(nominal), bool)
+    slope, start = _line(nominal, difference)
+    if np.abs(difference - start - slope * nominal).max() > WRONG_RAD:
+        slope, start = siegelslopes(difference, nominal)[:2]
+        near = np.abs(difference - start - slope * nominal) < WRONG_RAD
+        if 2 * np.count_nonzero(near) <= len(near):
+            near[:] = True
+        slope, start = _line(nominal[near], difference[near])
+    fixed: FloatArray = nominal + difference - start
     return fixed
+
+
+def _line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Slope and start, at 0, of the line through points by least squares."""
+    centred = x - x.mean()
+    slope = float((centred * y).sum() / np.square(centred).sum())
+    return slope, float(y.mean() - slope * x.mean())
