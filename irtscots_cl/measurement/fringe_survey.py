@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.maths.arrays import FloatArray, IntArray
-from irtscots_cl.measurement.fringe_noise import estimate_noise
+from irtscots_cl.measurement.fringe_noise import estimate_noise, excess_errors, series_variance
 from irtscots_cl.measurement.harmonics import (
     ResponseTable,
     SecondHarmonic,
@@ -69,6 +69,12 @@ BROKEN_SERIES = (
     "{} fringes: the phases of the series differ by {:.2f} rad{}: a series is broken, or its number of periods is "
     "another; record it again, or mend its periods in the manifest"
 )
+UNEVEN_SERIES = (
+    "residuals {:.3g} times those of the other series: a frame is wrong, or the light changed; they count less"
+)
+NO_FRINGES = (
+    "there are none, or a frame is wrong: what is left of a sinusoid's fit is as large as the fringes; not used"
+)
 BACKWARDS = "the steps ran backwards: the phases of the series agree {:.0f} times better that way, which is used"
 
 
@@ -77,8 +83,9 @@ class Survey:
     """What holds for all pixels of a set. steps_rad: [series] of the steps to evaluate with. sign: -1 where the steps
     ran backwards. noise: None where it cannot be told. harmonics: [series] over the first, None where they are left
     alone. second: what the images say of the second one, [series]. floor_rad: error of all phases that noise does not
-    explain. amplitude, offset: [series] medians. notes: what was found that is not as it was said. faults: what makes
-    the images no measurement."""
+    explain. amplitude, offset: [series] medians. notes: what was found that is not as it was said. excess: [series]
+    factor of the phases' errors, above 1 where a series' residuals are no noise. faults: what makes the images no
+    measurement."""
 
     steps_rad: tuple[FloatArray, ...]
     sign: int
@@ -89,6 +96,7 @@ class Survey:
     amplitude: FloatArray
     offset: FloatArray
     notes: tuple[str, ...]
+    excess: tuple[float, ...]
     faults: tuple[str, ...] = ()
 
 
@@ -124,11 +132,15 @@ def survey(
         fit if ratios is None else without_harmonics(values, fit, ratios)
         for values, fit, ratios in zip(samples, fits, harmonics, strict=True)
     ]
+    left = _residuals(samples, fits, harmonics, second)
+    excess, found = _excess(fringes, fits, left)
+    notes += found
     if noise is None:
-        noise = _noise_of(samples, fits, harmonics, second)
+        noise = _noise_of(samples, fits, left, excess)
         if noise is None:
             notes.append(f"{fringes.axis} fringes: {NO_NOISE}")
     phases, errors = phases_of(fits, steps, harmonics, noise, 1)
+    errors *= excess[:, None]
     sign, found = _direction(fringes, phases, errors, prior)
     notes += found
     # not noise: what may be one and the same in all frames
@@ -150,6 +162,7 @@ def survey(
         np.array([np.nanmedian(fit.amplitude) for fit in fits]),
         np.array([np.nanmedian(fit.offset) for fit in fits]),
         tuple(notes),
+        tuple(map(float, excess)),
         tuple(faults),
     )
 
@@ -312,24 +325,48 @@ def blur_fall(periods: FloatArray, amplitude: FloatArray) -> float:
     return max(0.0, math.log(amplitude[low] / amplitude[high]) / float(span))
 
 
-def _noise_of(
+def _residuals(
     samples: list[NDArray[Any]],
     fits: list[SinusoidFit],
     harmonics: tuple[FloatArray | None, ...],
     second: tuple[SecondHarmonic, ...],
-) -> FrameNoise | None:
-    """Noise from the residuals of all series, without the harmonics in them."""
-    square, freedom, signal = [], [], []
+) -> list[FloatArray]:
+    """Sums of squared residuals [n] of all series, without the harmonics in them."""
+    found = []
     for values, fit, ratios, own in zip(samples, fits, harmonics, second, strict=True):
         left = fit.square
         if np.isfinite(own.ratio):
             there = np.zeros(4) if ratios is None else ratios.copy()
             there[2] = own.ratio
             left = np.where(fit.samples == len(fit.steps_rad), residual_square(values, fit, there), left)
-        square.append(left)
-        freedom.append(fit.freedom.astype(float))
-        signal.append(fit.offset)
-    noise = estimate_noise(np.concatenate(square), np.concatenate(freedom), np.concatenate(signal))
+        found.append(left)
+    return found
+
+
+def _excess(fringes: FringeSet, fits: list[SinusoidFit], left: list[FloatArray]) -> tuple[FloatArray, list[str]]:
+    """Factors [series] of the errors of series whose residuals are no noise, as where one frame is wrong; and notes."""
+    variance = np.array([series_variance(s, f.freedom.astype(float)) for s, f in zip(left, fits, strict=True)])
+    excess = excess_errors(variance, np.array([np.nanmedian(fit.amplitude) for fit in fits]))
+    notes = []
+    for k in np.flatnonzero(excess > 1):
+        what = f"{fringes.axis} fringes of {fringes.periods[k]:g} periods"
+        if np.isfinite(excess[k]):
+            notes.append(f"{what}: {UNEVEN_SERIES.format(excess[k])}")
+        else:
+            notes.append(f"{what}: {NO_FRINGES}")
+    return excess, notes
+
+
+def _noise_of(
+    samples: list[NDArray[Any]], fits: list[SinusoidFit], left: list[FloatArray], excess: FloatArray
+) -> FrameNoise | None:
+    """Noise from the residuals [n] of all series where they are noise."""
+    usual = [k for k in range(len(fits)) if excess[k] == 1] or list(range(len(fits)))
+    square, freedom, signal = (
+        np.concatenate([of(k) for k in usual])
+        for of in (lambda k: left[k], lambda k: fits[k].freedom.astype(float), lambda k: fits[k].offset)
+    )
+    noise = estimate_noise(square, freedom, signal)
     if noise is not None and all(values.dtype.kind in "iu" for values in samples):
         noise = FrameNoise(max(noise.read, ROUNDING), noise.gain)
     return noise

@@ -72,7 +72,7 @@ def _order(shares: GrayShares, turns: FloatArray, setup: Setup) -> tuple[IntArra
 
     def model(cell: IntArray) -> FloatArray:
         place = np.where(cell < 0, np.nan, (cell + turns % 1.0) / code.cells)
-        return shown_light(setup, code.axis, patterns, fraction_mm(setup, code.axis, place))
+        return _shown(setup, code.axis, patterns, fraction_mm(setup, code.axis, place))
 
     several = two_or_more(misread(shares, MODEL_ERROR))
     return most_likely(shares, candidates(code, read_bits(shares)), model, MODEL_ERROR, several=several)
@@ -107,7 +107,7 @@ def gray_places(shares: GrayShares, setup: Setup) -> GrayPlaces:
 
     def model(place: FloatArray) -> FloatArray:
         fraction = np.where(place < 0, np.nan, place / coarse.cells)
-        return shown_light(setup, code.axis, patterns, fraction_mm(setup, code.axis, fraction))
+        return _shown(setup, code.axis, patterns, fraction_mm(setup, code.axis, fraction))
 
     several = two_or_more(misread(some, MODEL_ERROR))
     start, wrong = most_likely(shares, places, model, MODEL_ERROR, apart=1.0, several=several)
@@ -141,7 +141,7 @@ def _refined(
     weight = np.nan_to_num(weight)
     start = place
     for k in range(ROUNDS + 1):
-        shown = [shown_light(setup, axis, patterns, place + d) for d in (-step, 0.0, step)]
+        shown = [_shown(setup, axis, patterns, place + d) for d in (-step, 0.0, step)]
         slope = (shown[2] - shown[0]) / (2 * step)
         gap = shares.share - shown[1]
         if k == ROUNDS:
@@ -181,9 +181,13 @@ def gray_frames_shown(
     images = np.concatenate([one.share[:, used] for one in shares.values()])
     tried = []
     for places in places_mm:
-        shown = [shown_light(setup, axis, plane_values(one.code, setup), places[axis]) for axis, one in shares.items()]
+        shown = [_shown(setup, axis, plane_values(one.code, setup), places[axis]) for axis, one in shares.items()]
         tried.append(np.concatenate([rows[:, used] for rows in shown]))
     return matched(images, most_alike(images, tried))
+
+
+def _shown(setup: Setup, axis: str, patterns: FloatArray, place_mm: FloatArray) -> FloatArray:
+    return shown_light(setup.pixel_light, setup.scene.screen, axis, patterns, place_mm)
 
 
 def on_grid(values: FloatArray, setup: Setup) -> FloatArray:

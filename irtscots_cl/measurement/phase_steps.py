@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import siegelslopes
 
 from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.harmonics import wrapped
@@ -104,10 +105,25 @@ def _covariance(steps: FloatArray, nominal: FloatArray, across: FloatArray) -> F
 
 
 def _fixed(found: FloatArray, nominal: FloatArray) -> FloatArray:
-    """The steps without the common one that no image can tell: the line through their differences starts at 0."""
+    """The steps without the common one that no image can tell: the line through their differences starts at 0.
+
+    Single frames that are far from it do not count: the others are where they were said to be.
+    """
     difference = wrapped(found - nominal)
-    centred = nominal - nominal.mean()
-    slope = (centred * difference).sum() / np.square(centred).sum()
-    common = difference.mean() - slope * nominal.mean()
-    fixed: FloatArray = nominal + difference - common
+    near = np.ones(len(nominal), bool)
+    slope, start = _line(nominal, difference)
+    if np.abs(difference - start - slope * nominal).max() > WRONG_RAD:
+        slope, start = siegelslopes(difference, nominal)[:2]
+        near = np.abs(difference - start - slope * nominal) < WRONG_RAD
+        if 2 * np.count_nonzero(near) <= len(near):
+            near[:] = True
+        slope, start = _line(nominal[near], difference[near])
+    fixed: FloatArray = nominal + difference - start
     return fixed
+
+
+def _line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Slope and start, at 0, of the line through points by least squares."""
+    centred = x - x.mean()
+    slope = float((centred * y).sum() / np.square(centred).sum())
+    return slope, float(y.mean() - slope * x.mean())

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
-from irtscots_cl.measurement.fringe_survey import SAMPLE, Survey, phases_of, survey
+from irtscots_cl.measurement.fringe_survey import MAX_FLOOR_RAD, SAMPLE, Survey, phases_of, survey
 from irtscots_cl.measurement.harmonics import ResponseTable, without_harmonics
 from irtscots_cl.measurement.mirror_mask import mirror_mask
 from irtscots_cl.measurement.phase import FrameNoise, fit_sinusoid
@@ -26,7 +26,7 @@ from irtscots_cl.system.memory import check_memory
 
 AT_ONCE = 2**17  # pixels
 WORKERS = 2
-MAP_BYTES = 20  # of a pixel and series: five maps
+MAP_BYTES = 24  # of a pixel and series: five maps
 PIXEL_BYTES = 120  # of a pixel: places, errors, and what is made on the way
 
 
@@ -37,9 +37,9 @@ class AxisCoordinates:
     fraction, standard_error: [rows, columns] of the screen, in the fringes' own convention (FringeSet.reverse, ends);
     the standard error holds noise and the floor, for the right fringe orders. wrong: probability of wrong orders.
     misfit: chi-square of the series' agreement over its degrees of freedom.
-    phase_rad (harmonics taken out), phase_error_rad (noise alone), amplitude, offset, residual (rms over its degrees of
-    freedom, harmonics included): [series, rows, columns] float32. missing: [rows, columns] samples left out, saturated
-    or no numbers.
+    phase_rad (harmonics taken out): [series, rows, columns]. phase_error_rad (noise alone), amplitude, offset, residual
+    (rms over its degrees of freedom, harmonics included): the same in float32. missing: [rows, columns] samples left
+    out, saturated or no numbers.
     """
 
     fringes: FringeSet
@@ -191,7 +191,8 @@ def places_of_phases(
         fraction = 1 - result.fraction if fringes.reverse else result.fraction
         with np.errstate(divide="ignore", invalid="ignore"):
             misfit = np.where(result.freedom > 0, result.misfit / result.freedom, np.nan)
-        places[:, part] = fraction, result.standard_error, result.wrong, misfit
+        wrong = result.wrong if floor_rad <= MAX_FLOOR_RAD else np.ones_like(fraction)  # series that do not agree
+        places[:, part] = fraction, result.standard_error, wrong, misfit
 
     _for_all(place_part, phase_rad.shape[1])
     return places
@@ -202,6 +203,7 @@ def _evaluate(stack: FringeStack, number: int, pixels: IntArray, found: Survey) 
     series = len(found.steps_rad)
     names = ("phase_rad", "phase_error_rad", "amplitude", "offset", "residual")
     maps: dict[str, NDArray[Any]] = {name: np.empty((series, len(pixels)), np.float32) for name in names}
+    maps["phase_rad"] = np.empty((series, len(pixels)))  # places to 1e-9 of the screen need more than float32
     maps["missing"] = np.zeros(len(pixels), np.float32)
     for k, (_, _, images) in enumerate(stack.series(number)):
         flat = images.reshape(len(images), -1)
@@ -216,7 +218,7 @@ def _evaluate(stack: FringeStack, number: int, pixels: IntArray, found: Survey) 
                 [fit], found.steps_rad[of_series], found.harmonics[of_series], found.noise, found.sign
             )
             with np.errstate(invalid="ignore", divide="ignore"):
-                values = (phase[0], error[0], fit.amplitude, fit.offset, fit.residual_rms)
+                values = (phase[0], found.excess[k] * error[0], fit.amplitude, fit.offset, fit.residual_rms)
                 for name, value in zip(names, values, strict=True):
                     maps[name][k, part] = value
             maps["missing"][part] += len(flat) - fit.samples

@@ -13,13 +13,15 @@ import numpy as np
 from irtscots_cl.imaging.orientation import stored
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.error_bars import ErrorBars
+from irtscots_cl.measurement.harmonic_bias import HarmonicBias
 from irtscots_cl.measurement.photon_transfer import PhotonTransfer
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
 from irtscots_cl.pipeline.picture import MirrorPicture, add_facts
 from irtscots_cl.report.fringe_file import FringeMaps, write_fringe_result
-from irtscots_cl.report.types import FringeFacts, MeasuredFacts, PhotonTransferFacts
+from irtscots_cl.report.fringe_types import FringeFacts, HarmonicFacts, PhotonTransferFacts
+from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.system.atomic_files import write_json, write_text
 
 FRINGES = "fringes"  # the name of the measure
@@ -30,7 +32,7 @@ class FringeResult:
     """A mirror measured by fringes. coordinates: of the images as stored. reason: why pixels [rows, columns] as stored
     are not used (fringe_quality.Reason), None where it was not asked. picture: outline and fiducials, if looked for.
     transfer: noise against light, None where it is not known. second_harmonic: over the first [rows, columns] as
-    stored, by axis; empty where it was not asked."""
+    stored, by axis; empty where it was not asked. harmonics: by axis, what was taken out of the phases."""
 
     result: Reconstruction
     coordinates: ScreenCoordinates
@@ -38,6 +40,7 @@ class FringeResult:
     picture: MirrorPicture | None = field(default=None, repr=False, kw_only=True)
     transfer: PhotonTransfer | None = field(default=None, kw_only=True)
     second_harmonic: Mapping[str, FloatArray] = field(default_factory=dict, repr=False, kw_only=True)
+    harmonics: Mapping[str, HarmonicBias] = field(default_factory=dict, repr=False, kw_only=True)
 
     def stored(self, maps: Any) -> Any:
         """Upright maps as the images are stored."""
@@ -58,7 +61,19 @@ def fringe_facts(found: FringeResult) -> FringeFacts:
     }
     if found.transfer is not None:
         facts["photon_transfer"] = _transfer_facts(found.transfer)
+    if found.harmonics:
+        facts["harmonics"] = {axis: _harmonic_facts(one) for axis, one in found.harmonics.items()}
     return facts
+
+
+def _harmonic_facts(one: HarmonicBias) -> HarmonicFacts:
+    return {
+        "gamma": one.gamma,
+        "gamma_standard_error": one.gamma_error,
+        "closed_form_rad": list(one.closed_form_rad),
+        "bias_rad": list(one.bias_rad),
+        "height_nm": one.height_nm,
+    }
 
 
 def _noise(one: AxisCoordinates, mask: BoolArray) -> float:

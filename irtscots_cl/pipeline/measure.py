@@ -26,9 +26,10 @@ from irtscots_cl.measurement.screen_places import PLACES
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
 from irtscots_cl.pipeline.picture import MaskChoice, MirrorPicture, add_facts, picture_of_scans
+from irtscots_cl.report.along_axes import AlongAxes
 from irtscots_cl.report.quality import check_facts, fit_facts, island_facts, misfit_facts, quality_checks
 from irtscots_cl.report.result_file import write_result
-from irtscots_cl.report.types import AlongAxes, HeightErrors, MeasuredFacts, Refused
+from irtscots_cl.report.types import HeightErrors, MeasuredFacts, Refused
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
 

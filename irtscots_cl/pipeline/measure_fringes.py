@@ -14,11 +14,12 @@ from irtscots_cl.imaging.fringe_images import open_fringe_images
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
+from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.fringe_costs import fraction_error, height_cost_nm
 from irtscots_cl.measurement.fringe_factors import LIGHT, FrameFactors
-from irtscots_cl.measurement.fringe_light import place_mm, places_of_light
+from irtscots_cl.measurement.fringe_light import LightPhases, place_mm, places_of_light, places_with_harmonics
 from irtscots_cl.measurement.fringe_quality import (
     Exclusions,
     check_geometry,
@@ -28,6 +29,7 @@ from irtscots_cl.measurement.fringe_quality import (
     check_saturation,
     exclusions,
 )
+from irtscots_cl.measurement.harmonic_bias import HarmonicBias, harmonic_bias
 from irtscots_cl.measurement.harmonic_map import second_harmonic_maps
 from irtscots_cl.measurement.mirror_mask import mirror_mask
 from irtscots_cl.measurement.quality import WARNING, Check
@@ -45,6 +47,7 @@ from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
 
 METHOD = "cubic"  # of integration
+PLANE = "piston_tilt"
 PRIOR_PERIODS = 0.1  # of the lowest series: how well the design is taken to tell a place, where no series does
 COVERAGE = 0.5  # least share of a pixel's footprint that lies on the mirror
 
@@ -131,19 +134,26 @@ def fringe_surface(
     )
     checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
     refuse_bad(checks, strict)
-    found, phases = places_of_light(found, setup, images.manifest.levels, keep_orders=bool(prior))
+    raw, keep = found, bool(prior)
+    found, phases = places_of_light(raw, setup, images.manifest.levels, keep_orders=keep)
     why = exclusions(found, **masks, bad=recorded.bad)
     used = upright(why.used, orientation)
     checks += check_light(found, phases, setup, used & on_mirror)
     checks.append(check_pixels(why.counts(stored(on_mirror, orientation))))
     refuse_bad(checks, strict)
 
-    def surface(errors: dict[str, FloatArray] | None = None) -> Reconstruction:
-        places = _places(found if errors is None else _moved(found, errors), setup, used)
-        return surface_from_places(places, setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE)
+    def surface(places: ScreenCoordinates) -> Reconstruction:
+        return surface_from_places(
+            places_in_mm(places, setup, used), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
+        )
 
-    result = surface()
-    checks = _with_costs(checks, frames.factors, found, lambda errors: height_cost_nm(result, errors, surface))
+    result = surface(found)
+    checks = _with_costs(
+        checks,
+        frames.factors,
+        found,
+        lambda errors: height_cost_nm(result, errors, lambda e: surface(_less(found, e))),
+    )
     return FringeResult(
         result,
         found,
@@ -151,10 +161,29 @@ def fringe_surface(
         picture=picture,
         transfer=frames.factors.transfer,
         second_harmonic=second_harmonic_maps(frames.stack, found),
+        harmonics=_harmonics_left_in(
+            result, raw, phases, lambda: surface(places_with_harmonics(raw, phases, orientation, keep))
+        ),
     ), checks
 
 
-def _moved(found: ScreenCoordinates, errors: dict[str, FloatArray]) -> ScreenCoordinates:
+def _harmonics_left_in(
+    result: Reconstruction,
+    raw: ScreenCoordinates,
+    phases: dict[str, LightPhases],
+    other: Callable[[], Reconstruction],
+) -> dict[str, HarmonicBias]:
+    """What was taken out of the phases, by axis, with what it would cost in height. other: the surface without that."""
+    bias = harmonic_bias(raw, phases, result.mask)
+    if not bias:
+        return {}
+    change = other().deviation_mm - result.deviation_mm
+    mask = result.mask & np.isfinite(change)
+    nm = rms(remove_terms(result.x_mm, result.y_mm, change, mask, PLANE), mask) * 1e6
+    return {axis: replace(one, height_nm=nm) for axis, one in bias.items()}
+
+
+def _less(found: ScreenCoordinates, errors: dict[str, FloatArray]) -> ScreenCoordinates:
     """The places less errors of their fractions."""
     axes = {a: replace(one, fraction=one.fraction - np.nan_to_num(errors[a])) for a, one in found.axes.items()}
     return replace(found, axes=axes)
@@ -229,7 +258,7 @@ def _prior_note(stack: FringeStack) -> list[Check]:
     ]
 
 
-def _places(found: ScreenCoordinates, setup: Setup, used: BoolArray) -> ScreenPlaces:
+def places_in_mm(found: ScreenCoordinates, setup: Setup, used: BoolArray) -> ScreenPlaces:
     """Places in mm of the used pixels, upright."""
     screen, orientation = setup.scene.screen, setup.scene.camera.detector.orientation
     maps: list[FloatArray] = [place_mm(found.axes[axis], setup) for axis in "xy"]

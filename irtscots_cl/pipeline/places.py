@@ -18,8 +18,9 @@ from irtscots_cl.pipeline.fringes import screen_points
 from irtscots_cl.pipeline.lab_camera import RecordedImages
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
 from irtscots_cl.pipeline.picture import HALF, MaskChoice
+from irtscots_cl.report.along_axes import AlongAxes
 from irtscots_cl.report.fringe_file import REASON_UNIT, Rows, screen_rows, surface_rows, write_rows
-from irtscots_cl.report.types import AlongAxes, MeasuredFacts
+from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.system.atomic_files import replacing, write_json, write_text
 
 

@@ -11,10 +11,10 @@ from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.analysis.stray_light import StrayLight
 from irtscots_cl.measurement.prediction import PredictedError
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.report.along_axes import AlongAxes
 from irtscots_cl.report.quality import fit_facts, island_facts, misfit_facts, quality_warnings
 from irtscots_cl.report.tables import as_xy, error_term_facts
 from irtscots_cl.report.types import (
-    AlongAxes,
     DeviceFacts,
     HeightErrors,
     Ledger,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.report.fringe_types import PhotonTransferFacts
 from irtscots_cl.report.tables import Table
-from irtscots_cl.report.types import MeasuredFacts, PhotonTransferFacts
+from irtscots_cl.report.types import MeasuredFacts
 
 
 def _electrons(found: PhotonTransferFacts) -> str:
@@ -39,6 +40,16 @@ def fringe_tables(facts: MeasuredFacts) -> list[Table]:
         if "excluded" in found:
             told = ", ".join(f"{n} {reason}" for reason, n in found["excluded"].items() if n)
             rows.append(("pixels of the mirror by reason", told))
+        for axis, taken in found.get("harmonics", {}).items():
+            closed, there = (", ".join(f"{v:.2g}" for v in taken[key]) for key in ("closed_form_rad", "bias_rad"))
+            rows.append(
+                (f"gamma of the screen, {axis}", f"{taken['gamma']:.4f} +- {taken['gamma_standard_error']:.1g}")
+            )
+            rows.append((f"its bias, taken out, closed form without blur, {axis} [rad]", closed))
+            rows.append((f"the largest in the pixels used, {axis} [rad]", there))
+        if "harmonics" in found:
+            cost = next(iter(found["harmonics"].values()))["height_nm"]
+            rows.append(("heights without this correction would differ by [nm]", f"{cost:.3g}"))
         tables.append(Table("Fringes", ("", ""), rows))
     if "geometry" in facts:
         place = facts["geometry"]

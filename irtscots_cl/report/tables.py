@@ -7,9 +7,9 @@ from typing import Literal, cast
 
 from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.maths.statistics import Estimate
+from irtscots_cl.report.along_axes import AlongAxes
 from irtscots_cl.report.table import Table as Table
 from irtscots_cl.report.types import (
-    AlongAxes,
     ErrorPart,
     IslandReport,
     MeasuredFacts,

@@ -2,6 +2,8 @@
 
 from typing import NotRequired, TypedDict
 
+from irtscots_cl.report.along_axes import AlongAxes
+from irtscots_cl.report.fringe_types import FringeFacts, PlaceFacts
 from irtscots_cl.report.image_types import CameraFacts, ImageFileFacts
 from irtscots_cl.report.picture_types import FiducialFacts, MaskFacts, OutlineFacts
 
@@ -55,13 +57,6 @@ class Ledger(TypedDict):
     off_screen: int
     detected: int
     failed: int
-
-
-class AlongAxes(TypedDict):
-    """A number along the screen's x and along its y."""
-
-    x: float
-    y: float
 
 
 class HeightErrors(TypedDict):
@@ -332,49 +327,6 @@ class GeometryFacts(TypedDict):
     distance_by_corners_mm: float
     turn_mrad: float
     focal_lengths_m: AlongAxes
-
-
-class PhotonTransferFacts(TypedDict):
-    """A camera's noise against light. electrons: NaN where the noise does not grow clearly with the light. light,
-    variance: of samples of nearly equal light, above dark. departs: largest difference of a variance from the line,
-    over the line."""
-
-    electrons_per_count: float
-    electrons_per_count_standard_error: float
-    read_noise_counts: float
-    read_noise_electrons: float
-    light_counts: list[float]
-    variance_counts2: list[float]
-    variance_counts2_standard_error: list[float]
-    departs: float
-
-
-class FringeFacts(TypedDict):
-    """What the fringes say. periods: over the screen. standard_error_mm: of the places on the screen, the median.
-    excluded: the mirror's pixels by the reason why they are not used, "used" among them. noise: of a sample of median
-    brightness, in counts, by axis."""
-
-    periods: dict[str, list[float]]
-    standard_error_mm: AlongAxes
-    modulation: AlongAxes
-    pixels_with_wrong_order: float
-    excluded: NotRequired[dict[str, int]]
-    noise: NotRequired[dict[str, float]]
-    photon_transfer: NotRequired[PhotonTransferFacts]
-
-
-class PlaceFacts(TypedDict):
-    """What a Gray code or dots say. standard_error_mm: of the places on the screen, the median. excluded: the mirror's
-    pixels by the reason why they are not used, "used" among them. share_floor: error of a plane's share of black and
-    white that noise does not explain, by axis. dots: those shown in all frames, found and matched. distance_px: of the
-    used pixels from the next dot's image, median and farthest."""
-
-    standard_error_mm: AlongAxes
-    excluded: dict[str, int]
-    pixels_with_wrong_cell: NotRequired[float]
-    share_floor: NotRequired[AlongAxes]
-    dots: NotRequired[dict[str, int]]
-    distance_px: NotRequired[dict[str, float]]
 
 
 class MeasuredFacts(TypedDict):

@@ -52,6 +52,16 @@ def test_a_single_wrong_frame_is_named():
     np.testing.assert_allclose(np.ptp(wrapped(found.found_rad - true)), 0, atol=0.15)
 
 
+@pytest.mark.parametrize("count", [8, 16])
+def test_a_repeated_step_leaves_the_others_where_they_were_said(count):
+    """No part of its error is taken for a step common to all frames: that would move all places."""
+    true = np.array(equal_steps(count))
+    true[2] = true[1]
+    found = find_steps(samples_of(true), np.array(equal_steps(count)))
+    assert list(found.wrong) == [2]
+    np.testing.assert_allclose(wrapped(found.found_rad - true), 0, atol=0.01)  # noise: 0.002 rad
+
+
 def test_what_images_cannot_tell_is_not_said():
     nominal = np.array(equal_steps(4))
     assert find_steps(samples_of(nominal), nominal) is None

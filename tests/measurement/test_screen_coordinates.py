@@ -155,6 +155,61 @@ def test_steps_that_ran_backwards_are_noticed():
         assert_normal(pulls)
 
 
+def shown_at(steps):
+    return tuple(FringeSet(axis, PERIODS, (tuple(steps),) * 3) for axis in "yx")
+
+
+@pytest.mark.parametrize("count", [8, 16])
+@pytest.mark.parametrize("kind", ["a turn less one", "one repeated", "half a turn", "backwards"])
+def test_other_steps_than_said_leave_places_within_their_error_bars(kind, count):
+    steps = np.array(equal_steps(count))
+    steps = {"a turn less one": steps * count / (count - 1), "half a turn": steps / 2, "backwards": -steps}.get(
+        kind, np.where(np.arange(count) == 2, steps[1], steps)
+    )
+    found = screen_coordinates(stack_of(both(steps=count), taken=shown_at(steps)))
+    assert found.notes
+    for pulls in pulls_of(found).values():
+        assert np.std(pulls) < 1.1 and abs(np.mean(pulls)) < 0.4  # a common step found is a common shift
+    assert np.nanmax(found.x.wrong) < 1e-6
+
+
+@pytest.mark.parametrize("kind", ["a turn less one", "one repeated", "half a turn"])
+def test_four_wrong_steps_leave_no_place_in_use(kind):
+    """Four steps do not tell that they are wrong, the series do: all places are in doubt, and the reason is named."""
+    steps = {"a turn less one": (0, 2, 4, 6), "one repeated": (0, 1.5, 1.5, 4.5), "half a turn": (0, 0.75, 1.5, 2.25)}
+    found = screen_coordinates(stack_of(both(), taken=shown_at(np.array(steps[kind]) * np.pi / 3)))
+    assert sum("rad beyond their noise" in note for note in found.notes) == 2
+    assert np.nanmin(found.x.wrong) == 1.0 and np.nanmin(found.y.wrong) == 1.0
+
+
+@pytest.mark.parametrize("count", [4, 8])
+@pytest.mark.parametrize("kind", ["noise", "constant", "black frame"])
+def test_a_broken_series_is_named_and_does_not_spoil_the_others(kind, count):
+    stack = stack_of(both(steps=count))
+    frames, first = np.array(stack.frames), 2 * count  # 15.9 periods of y
+    broken = frames[first : first + count]
+    if kind == "noise":
+        broken[:] = 100 + 30 * np.random.default_rng(3).normal(size=broken.shape)
+    elif kind == "constant":
+        broken[:] = broken[0]
+    else:
+        broken[1] = 0.0
+    found = screen_coordinates(FringeStack(stack.sets, frames))
+    (note,) = found.notes
+    assert note.startswith("y fringes of 15.9 periods: ") and "not used" in note
+    for pulls in pulls_of(found).values():
+        assert_normal(pulls, spare=0.1)
+
+
+def test_series_at_odds_leave_no_place_in_use():
+    """Steps without any order in one series: found from the images, but not from where they count."""
+    odd = tuple(np.random.default_rng(5).uniform(0, 2 * np.pi, 8))
+    taken = tuple(FringeSet(axis, PERIODS, (equal_steps(8), equal_steps(8), odd)) for axis in "yx")
+    found = screen_coordinates(stack_of(both(steps=8), taken=taken))
+    assert sum("rad beyond their noise" in note for note in found.notes) == 2
+    assert np.nanmin(found.x.wrong) == 1.0
+
+
 def test_series_that_do_not_agree_are_named():
     taken = tuple(FringeSet.equal(axis, (0.9, 3.9, 14.2)) for axis in "yx")  # 14.2 shown, 15.9 said
     found = screen_coordinates(stack_of(both(), taken=taken))

@@ -223,22 +223,21 @@ class PixelResponse:
         aa, ab, bb = (maps.term(output, name) for name in ("aa", "ab", "bb"))
         bend_n = (aa * n_a**2 + ab * n_a * n_b + bb * n_b**2) / radius  # Q along the chord's normal, and along it
         bend_t = (aa * n_b**2 - ab * n_a * n_b + bb * n_a**2) / radius
-        tau = (edges_mm - self._centre(output, maps, cells, by_s, by_t)[:, None]) / radius[:, None]
-        inside, halves = np.clip(tau, -1.0, 1.0), []
-        for half, along in ((cells.half_s, "s"), (cells.half_t, "t")):  # a box's image changes over the aperture
-            slope = maps.gradient(output, along, s, t)
+        boxes = []  # a box's image changes over the aperture
+        for half, along in ((cells.half_s, "s"), (cells.half_t, "t")):
             turn = maps.term(output, along + "a") * n_a + maps.term(output, along + "b") * n_b
-            image = np.abs(slope[:, None] + turn[:, None] * inside) * (half / radius)[:, None]
-            halves.append(np.maximum(image, MIN_HALF_BOX))
-        half_s, half_t = halves
+            boxes.append((maps.gradient(output, along, s, t)[:, None], turn[:, None], (half / radius)[:, None]))
         mass = weight * cells.weight
         growth = mass * (by_a * n_a + by_b * n_b) + weight * (cells.push[0] * n_a + cells.push[1] * n_b)
         factors = (mass, -mass * bend_n / np.pi, -(2 / 3) * (mass * bend_t + growth) / np.pi)
-        below = 0.0
-        for sign, shift in ((1, half_s + half_t), (-1, half_s - half_t), (-1, half_t - half_s), (1, -half_s - half_t)):
-            parts = chord_integrals(tau + shift)
-            below = below + sign * sum(f[:, None] * part for f, part in zip(factors, parts, strict=True))
-        return below / (4 * half_s * half_t)
+        tau = (edges_mm - self._centre(output, maps, cells, by_s, by_t)[:, None]) / radius[:, None]
+        reach = 1 + sum(np.maximum((np.abs(slope) + np.abs(turn)) * half, MIN_HALF_BOX) for slope, turn, half in boxes)
+        near = np.abs(tau) < reach
+        across = _window(near)
+        found = _chord_light(np.concatenate([np.take_along_axis(tau, across, 1), reach], 1), boxes, factors)
+        below = np.zeros_like(tau)
+        np.put_along_axis(below, across, found[:, :-1], 1)
+        return np.where(near, below, found[:, -1:] * (tau > 0))  # all of the light beyond it, nothing before
 
     def _centre(self, output: str, maps: RayMap, cells: PixelQuadrature, by_s, by_t) -> np.ndarray:
         """Centroid [m] of the light of the cells' own images along u or v, in mm.
@@ -250,3 +249,28 @@ class PixelResponse:
             slope = maps.gradient(output, along, cells.s, cells.t)
             centre = centre + (maps.term(output, 2 * along) + growth * slope) * half**2 / 3
         return centre
+
+
+def _window(near: np.ndarray) -> np.ndarray:
+    """Columns [m, columns] of windows, as wide as the widest needs, around the true entries of each row of near."""
+    count = near.shape[1]
+    first = near.argmax(1)
+    last = np.where(near.any(1), count - 1 - near[:, ::-1].argmax(1), first)
+    width = int((last - first).max(initial=0)) + 1
+    columns: np.ndarray = np.minimum(first, count - width)[:, None] + np.arange(width)
+    return columns
+
+
+def _chord_light(tau: np.ndarray, boxes: list[tuple[np.ndarray, ...]], factors: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Light [m, edges] of cells below tau [m, edges], in radii of their aperture's image from its centre.
+
+    boxes: along s and t the slope of the landing point, its change over the aperture and the half-length in radii,
+    [m, 1] each. factors: [m] of the chord's three integrals.
+    """
+    inside = np.clip(tau, -1.0, 1.0)
+    half_s, half_t = (np.maximum(np.abs(slope + turn * inside) * half, MIN_HALF_BOX) for slope, turn, half in boxes)
+    below = np.zeros_like(tau)
+    for sign, shift in ((1, half_s + half_t), (-1, half_s - half_t), (-1, half_t - half_s), (1, -half_s - half_t)):
+        parts = chord_integrals(tau + shift)
+        below += sign * sum(f[:, None] * part for f, part in zip(factors, parts, strict=True))
+    return below / (4 * half_s * half_t)
