@@ -6,6 +6,7 @@ found.x.fraction, found.x.standard_error
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -24,9 +25,9 @@ from irtscots_cl.measurement.unwrapping import Prior, unwrap
 from irtscots_cl.system import interruption
 from irtscots_cl.system.memory import check_memory
 
-AT_ONCE = 2**17  # pixels
-WORKERS = 2
-MAP_BYTES = 20  # of a pixel and series: five maps
+AT_ONCE = 2**13  # pixels: what is made of them on the way stays in a processor's cache
+WORKERS = min(4, os.cpu_count() or 1)
+MAP_BYTES = 24  # of a pixel and series: five maps
 PIXEL_BYTES = 120  # of a pixel: places, errors, and what is made on the way
 
 
@@ -127,14 +128,23 @@ def find_mask(stack: FringeStack, largest: bool = True) -> BoolArray:
     weakest = np.full(stack.shape[0] * stack.shape[1], np.inf)
     for number, fringes in enumerate(stack.sets):
         lowest = int(np.argmin(fringes.periods))
-        for k, (_, steps, images) in enumerate(stack.series(number)):
-            if k == lowest:
-                flat = images.reshape(len(steps), -1)
-                for part in _parts(flat.shape[1]):
-                    amplitude = fit_sinusoid(flat[:, part], np.asarray(steps), stack.saturation).amplitude
-                    weakest[part] = np.fmin(weakest[part], amplitude)
+        lines, steps = stack.lines(number, lowest), np.asarray(fringes.steps_rad[lowest])
+
+        def take_part(part: slice, lines: list[NDArray[Any]] = lines, steps: FloatArray = steps) -> None:
+            amplitude = fit_sinusoid(_samples(lines, part, None), steps, stack.saturation).amplitude
+            weakest[part] = np.fmin(weakest[part], amplitude)
+
+        _for_all(take_part, len(weakest))
     weakest[~np.isfinite(weakest)] = np.nan
     return mirror_mask(weakest.reshape(stack.shape), largest)
+
+
+def _samples(lines: list[NDArray[Any]], part: slice, inside: BoolArray | None) -> NDArray[Any]:
+    """Samples [N, n] of images [pixels] each, of a part of the pixels, or of those inside it."""
+    kind = np.result_type(*lines)
+    if inside is None:
+        return np.array([line[part] for line in lines], kind)
+    return np.array([line[part][inside] for line in lines], kind)
 
 
 def _parts(count: int) -> list[slice]:
@@ -152,74 +162,98 @@ def _axis(
     fringes = stack.sets[number]
     prior = None
     if known is not None:
-        place, error = (np.asarray(a, float).ravel()[pixels] for a in np.broadcast_arrays(*known))
+        place, error = (np.asarray(a, float).ravel() for a in np.broadcast_arrays(*known))
         prior = Prior(1 - place if fringes.reverse else place, error)
-    chosen = np.arange(0, len(pixels), max(1, len(pixels) // SAMPLE))
+    chosen = pixels[:: max(1, len(pixels) // SAMPLE)]
     some = None if prior is None else Prior(prior.fraction[chosen], prior.standard_error[chosen])
-    found = survey(stack, number, pixels[chosen], noise, response, some)
+    found = survey(stack, number, chosen, noise, response, some)
     maps = _evaluate(stack, number, pixels, found)
-    places = places_of_phases(fringes, maps["phase_rad"], maps["phase_error_rad"], found.floor_rad, prior)
-
-    def on_grid(values: NDArray[Any]) -> NDArray[Any]:
-        grid = np.full((*values.shape[:-1], stack.shape[0] * stack.shape[1]), np.nan, values.dtype)
-        grid[..., pixels] = values
-        return grid.reshape(*values.shape[:-1], *stack.shape)
-
-    return AxisCoordinates(
-        fringes,
-        found,
-        *(on_grid(row) for row in places),
-        **{name: on_grid(values) for name, values in maps.items()},
+    places = places_of_phases(
+        fringes, maps["phase_rad"], maps["phase_error_rad"], found.floor_rad, prior, _mask_of(pixels, stack)
     )
+    grids = {name: values.reshape(*values.shape[:-1], *stack.shape) for name, values in maps.items()}
+    return AxisCoordinates(fringes, found, *places.reshape(4, *stack.shape), **grids)
+
+
+def _mask_of(pixels: IntArray, stack: FringeStack) -> BoolArray:
+    """Whether each pixel of the images, by its flat number, is one of these."""
+    mask = np.zeros(stack.shape[0] * stack.shape[1], bool)
+    mask[pixels] = True
+    return mask
 
 
 def places_of_phases(
-    fringes: FringeSet, phase_rad: NDArray[Any], error_rad: NDArray[Any], floor_rad: float, prior: Prior | None = None
+    fringes: FringeSet,
+    phase_rad: NDArray[Any],
+    error_rad: NDArray[Any],
+    floor_rad: float,
+    prior: Prior | None = None,
+    mask: BoolArray | None = None,
 ) -> FloatArray:
     """Fraction, standard error, probability of wrong orders and misfit over its freedom, [4, n].
 
-    phase_rad, error_rad: [series, n]. floor_rad: error of all phases beside their own. prior: in the phases' direction.
+    phase_rad, error_rad: [series, n]. floor_rad: error of all phases beside their own. prior: of [n], in the phases'
+    direction. mask: [n] pixels to evaluate, NaN elsewhere; None: all.
     """
     places = np.full((4, phase_rad.shape[1]), np.nan)
 
     def place_part(part: slice) -> None:
-        near = None if prior is None else Prior(prior.fraction[part], prior.standard_error[part])
-        total = np.hypot(error_rad[:, part].astype(float), floor_rad)
-        result = unwrap(phase_rad[:, part].astype(float), total, fringes.periods, near)
+        inside = None if mask is None else mask[part]
+        if inside is not None and not inside.any():
+            return
+        there = slice(None) if inside is None or inside.all() else inside
+        near = None if prior is None else Prior(prior.fraction[part][there], prior.standard_error[part][there])
+        error = np.asarray(error_rad[:, part][:, there], float)
+        total = np.sqrt(error * error + floor_rad**2)
+        result = unwrap(np.asarray(phase_rad[:, part][:, there], float), total, fringes.periods, near)
         fraction = 1 - result.fraction if fringes.reverse else result.fraction
         with np.errstate(divide="ignore", invalid="ignore"):
             misfit = np.where(result.freedom > 0, result.misfit / result.freedom, np.nan)
-        places[:, part] = fraction, result.standard_error, result.wrong, misfit
+        for row, values in zip(places, (fraction, result.standard_error, result.wrong, misfit), strict=True):
+            row[part][there] = values
 
     _for_all(place_part, phase_rad.shape[1])
     return places
 
 
 def _evaluate(stack: FringeStack, number: int, pixels: IntArray, found: Survey) -> dict[str, NDArray[Any]]:
-    """Phases and what belongs to them [series, n], samples that are missing [n], of the given pixels."""
-    series = len(found.steps_rad)
-    names = ("phase_rad", "phase_error_rad", "amplitude", "offset", "residual")
-    maps: dict[str, NDArray[Any]] = {name: np.empty((series, len(pixels)), np.float32) for name in names}
-    maps["missing"] = np.zeros(len(pixels), np.float32)
-    for k, (_, _, images) in enumerate(stack.series(number)):
-        flat = images.reshape(len(images), -1)
+    """Phases and what belongs to them [series, all pixels], samples that are missing [all pixels]; NaN outside the
+    given pixels."""
+    shape = len(found.steps_rad), stack.shape[0] * stack.shape[1]
+    names = ("phase_error_rad", "amplitude", "offset", "residual")
+    # places to 1e-9 of the screen need more than 32 bits of phase
+    maps: dict[str, NDArray[Any]] = {"phase_rad": np.full(shape, np.nan)}
+    maps |= {name: np.full(shape, np.nan, np.float32) for name in names}
+    maps["missing"] = np.full(shape[1], np.nan, np.float32)
+    mask = _mask_of(pixels, stack)
+    maps["missing"][mask] = 0
+    for k in range(shape[0]):
+        lines = stack.lines(number, k)
 
-        def fit_part(part: slice, k: int = k, flat: NDArray[Any] = flat) -> None:
-            fit = fit_sinusoid(flat[:, pixels[part]], found.steps_rad[k], stack.saturation)
+        def fit_part(part: slice, k: int = k, lines: list[NDArray[Any]] = lines) -> None:
+            inside = mask[part]
+            if not inside.any():
+                return
+            where = None if inside.all() else inside
+            samples = _samples(lines, part, where)
+            fit = fit_sinusoid(samples, found.steps_rad[k], stack.saturation)
             ratios = found.harmonics[k]
             if ratios is not None:
-                fit = without_harmonics(flat[:, pixels[part]], fit, ratios)
+                fit = without_harmonics(samples, fit, ratios)
             of_series = slice(k, k + 1)
             phase, error = phases_of(
                 [fit], found.steps_rad[of_series], found.harmonics[of_series], found.noise, found.sign
             )
+            there = slice(None) if where is None else where
             with np.errstate(invalid="ignore", divide="ignore"):
-                values = (phase[0], error[0], fit.amplitude, fit.offset, fit.residual_rms)
+                values = (error[0], fit.amplitude, fit.offset, fit.residual_rms)
                 for name, value in zip(names, values, strict=True):
-                    maps[name][k, part] = value
-            maps["missing"][part] += len(flat) - fit.samples
+                    maps[name][k, part][there] = value
+            maps["phase_rad"][k, part][there] = phase[0]
+            if fit.incomplete.size:
+                maps["missing"][part][there] += len(lines) - fit.samples
 
-        _for_all(fit_part, len(pixels))
+        _for_all(fit_part, shape[1])
     return maps
 
 
