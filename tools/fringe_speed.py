@@ -51,7 +51,7 @@ class RawFrames(Sequence[np.ndarray]):
     def __len__(self) -> int:
         return self.count
 
-    def __getitem__(self, number):  # noqa: ANN001, ANN204
+    def __getitem__(self, number):
         size = self.shape[0] * self.shape[1]
         return np.fromfile(self.path, np.uint16, size, offset=2 * size * number).reshape(self.shape)
 

@@ -18,14 +18,12 @@ import numpy as np
 from irtscots_cl.imaging.fringes import FringeSet
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates, places_of_phases
-from irtscots_cl.measurement.unwrapping import phase_floor
+from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates, places_again
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.system import interruption
 
 AT_ONCE = 2**20  # values of the light on the screen's lines
 LEAST = 0.02  # of the light's modulation, below which its phase says nothing
-SAMPLE = 8000  # pixels
 
 
 @dataclass(frozen=True)
@@ -152,9 +150,7 @@ def _moved(one: AxisCoordinates, mask: np.ndarray, difference: FloatArray) -> Ax
 
     phase = flat(one.phase_rad) - np.nan_to_num(flat(difference))
     error = flat(one.phase_error_rad)
-    some = slice(None, None, max(1, len(pixels) // SAMPLE))
-    floor = phase_floor(phase[:, some], error[:, some], one.fringes.periods)
-    places = places_of_phases(one.fringes, phase, error, floor)
+    floor, places = places_again(one, pixels, phase, error)
     grids = _on_grid(places, pixels, mask.shape)
     survey = replace(one.survey, floor_rad=floor)
     return replace(one, survey=survey, fraction=grids[0], standard_error=grids[1], wrong=grids[2], misfit=grids[3])

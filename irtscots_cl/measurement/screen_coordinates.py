@@ -9,26 +9,30 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
-from irtscots_cl.measurement.fringe_survey import SAMPLE, Survey, phases_of, survey
+from irtscots_cl.measurement.fringe_survey import DOUBTFUL, MANY, SAMPLE, Survey, phases_of, survey
 from irtscots_cl.measurement.harmonics import ResponseTable, without_harmonics
 from irtscots_cl.measurement.mirror_mask import mirror_mask
 from irtscots_cl.measurement.phase import FrameNoise, fit_sinusoid
-from irtscots_cl.measurement.unwrapping import Prior, unwrap
+from irtscots_cl.measurement.unwrapping import TAU, Prior, Unwrapped, phase_floor, refined, unwrap
 from irtscots_cl.system import interruption
 from irtscots_cl.system.memory import check_memory
 
-AT_ONCE = 2**13  # pixels: what is made of them on the way stays in a processor's cache
+if TYPE_CHECKING:
+    from irtscots_cl.measurement.spatial_unwrapping import Island
+
+AT_ONCE = 2**15  # pixels: what is made of them on the way stays in a processor's cache
 WORKERS = min(4, os.cpu_count() or 1)
 MAP_BYTES = 24  # of a pixel and series: five maps
 PIXEL_BYTES = 120  # of a pixel: places, errors, and what is made on the way
+NOISY_RAD = 0.5  # error of a phase, from which on neighbours may differ by more than pi by chance
 
 
 @dataclass(frozen=True)
@@ -39,8 +43,9 @@ class AxisCoordinates:
     the standard error holds noise and the floor, for the right fringe orders. wrong: probability of wrong orders.
     misfit: chi-square of the series' agreement over its degrees of freedom.
     phase_rad (harmonics taken out), phase_error_rad (noise alone), amplitude, offset, residual (rms over its degrees of
-    freedom, harmonics included): [series, rows, columns] float32. missing: [rows, columns] samples left out, saturated
-    or no numbers.
+    freedom, harmonics included): [series, rows, columns] float32, the phase 64 bits. missing: [rows, columns] samples
+    left out, saturated or no numbers. islands: where the phase was unwrapped over the image, since the series leave the
+    place open: its parts, each with the order that the prior tells.
     """
 
     fringes: FringeSet
@@ -55,6 +60,7 @@ class AxisCoordinates:
     offset: NDArray[Any] = field(repr=False)
     residual: NDArray[Any] = field(repr=False)
     missing: NDArray[Any] = field(repr=False)
+    islands: tuple[Island, ...] = ()
 
     @property
     def modulation(self) -> NDArray[Any]:
@@ -168,11 +174,104 @@ def _axis(
     some = None if prior is None else Prior(prior.fraction[chosen], prior.standard_error[chosen])
     found = survey(stack, number, chosen, noise, response, some)
     maps = _evaluate(stack, number, pixels, found)
-    places = places_of_phases(
-        fringes, maps["phase_rad"], maps["phase_error_rad"], found.floor_rad, prior, _mask_of(pixels, stack)
-    )
+    mask = _mask_of(pixels, stack)
+    islands: tuple[Island, ...] = ()
+    if some is not None and _is_open(fringes, maps, chosen, found.floor_rad):
+        assert prior is not None
+        places, islands = _places_of_image(fringes, maps, found.floor_rad, prior, mask, stack.shape)
+        found = replace(found, notes=found.notes + _doubts(fringes, islands))
+    else:
+        places = places_of_phases(fringes, maps["phase_rad"], maps["phase_error_rad"], found.floor_rad, prior, mask)
     grids = {name: values.reshape(*values.shape[:-1], *stack.shape) for name, values in maps.items()}
-    return AxisCoordinates(fringes, found, *places.reshape(4, *stack.shape), **grids)
+    return AxisCoordinates(fringes, found, *places.reshape(4, *stack.shape), **grids, islands=islands)
+
+
+def _is_open(fringes: FringeSet, maps: Mapping[str, NDArray[Any]], pixels: IntArray, floor_rad: float) -> bool:
+    """Whether the series alone leave several places to some of the pixels."""
+    phase, error = (np.asarray(maps[name][:, pixels], float) for name in ("phase_rad", "phase_error_rad"))
+    return bool((unwrap(phase, np.hypot(error, floor_rad), fringes.periods).wrong > DOUBTFUL).mean() > MANY)
+
+
+def _places_of_image(
+    fringes: FringeSet,
+    maps: Mapping[str, NDArray[Any]],
+    floor_rad: float,
+    prior: Prior,
+    mask: BoolArray,
+    shape: tuple[int, int],
+) -> tuple[FloatArray, tuple[Island, ...]]:
+    """As places_of_phases, and the islands: the lowest series unwrapped over the image, the others from its places."""
+    from irtscots_cl.measurement.spatial_unwrapping import unwrap_image
+
+    lowest = int(np.argmin(fringes.periods))
+    turn = TAU * fringes.periods[lowest]  # phase over the whole screen
+    error = np.hypot(maps["phase_error_rad"][lowest].astype(float), floor_rad)
+    image = unwrap_image(
+        maps["phase_rad"][lowest].reshape(shape),
+        (mask & (error < NOISY_RAD)).reshape(shape),
+        turn * prior.fraction.reshape(shape),
+        turn * prior.standard_error.reshape(shape),
+    )
+    coarse = Prior(image.phase_rad.ravel() / turn, error / turn)
+    wrong = np.where(mask, image.wrong.ravel(), np.nan)
+    others = [k for k in range(len(fringes.periods)) if k != lowest]
+    if others:
+        rest = replace(
+            fringes,
+            periods=tuple(fringes.periods[k] for k in others),
+            steps_rad=tuple(fringes.steps_rad[k] for k in others),
+        )
+        known = np.isfinite(coarse.fraction)
+        phases, errors = (maps[name][others] for name in ("phase_rad", "phase_error_rad"))
+        places = places_of_phases(rest, phases, errors, floor_rad, coarse, known)
+        places[2] = np.where(known, 1 - (1 - wrong) * (1 - places[2]), wrong)
+        return places, image.islands
+    fraction = 1 - coarse.fraction if fringes.reverse else coarse.fraction
+    spread = np.where(np.isfinite(fraction), coarse.standard_error, np.nan)
+    return np.stack([fraction, spread, wrong, np.full_like(wrong, np.nan)]), image.islands
+
+
+def _doubts(fringes: FringeSet, islands: tuple[Island, ...]) -> tuple[str, ...]:
+    """A note where the prior does not tell the order of an island."""
+    doubtful = [island for island in islands if island.wrong > DOUBTFUL]
+    if not doubtful:
+        return ()
+    most = max(doubtful, key=lambda island: island.pixels)
+    where = f"that of {most.pixels} pixels from row {most.row}, column {most.column}"
+    why = f"is {abs(most.gap_turns):.2f} of a period from the predicted place: wrong with probability {most.wrong:.2g}"
+    if np.isnan(most.gap_turns):
+        why = "has no predicted place"
+    return (
+        f"{fringes.axis} fringes: which fringe they see is in doubt for {len(doubtful)} of {len(islands)} islands of "
+        f"pixels, which are not used; {where} {why}",
+    )
+
+
+def places_again(
+    one: AxisCoordinates, pixels: IntArray, phase_rad: FloatArray, error_rad: FloatArray
+) -> tuple[float, FloatArray]:
+    """Floor [rad] and places [4, n], as of places_of_phases, for somewhat other phases [series, n] of some pixels.
+
+    pixels: [n] flat numbers. Orders that were found from the image as a whole stay as they are.
+    """
+    periods = one.fringes.periods
+    if not one.islands:
+        some = slice(None, None, max(1, len(pixels) // SAMPLE))
+        floor = phase_floor(phase_rad[:, some], error_rad[:, some], periods)
+        return floor, places_of_phases(one.fringes, phase_rad, error_rad, floor)
+    floor, fraction = one.survey.floor_rad, one.fraction.ravel()[pixels]
+    near = 1 - fraction if one.fringes.reverse else fraction
+    places = _told(one.fringes, refined(phase_rad, np.hypot(error_rad, floor), periods, near))
+    places[2] = one.wrong.ravel()[pixels]
+    return floor, places
+
+
+def _told(fringes: FringeSet, result: Unwrapped) -> FloatArray:
+    """Fraction in the fringes' convention, standard error, probability of wrong orders, misfit over freedom: [4, n]."""
+    fraction = 1 - result.fraction if fringes.reverse else result.fraction
+    with np.errstate(divide="ignore", invalid="ignore"):
+        misfit = np.where(result.freedom > 0, result.misfit / result.freedom, np.nan)
+    return np.stack([fraction, result.standard_error, result.wrong, misfit])
 
 
 def _mask_of(pixels: IntArray, stack: FringeStack) -> BoolArray:
@@ -206,10 +305,7 @@ def places_of_phases(
         error = np.asarray(error_rad[:, part][:, there], float)
         total = np.sqrt(error * error + floor_rad**2)
         result = unwrap(np.asarray(phase_rad[:, part][:, there], float), total, fringes.periods, near)
-        fraction = 1 - result.fraction if fringes.reverse else result.fraction
-        with np.errstate(divide="ignore", invalid="ignore"):
-            misfit = np.where(result.freedom > 0, result.misfit / result.freedom, np.nan)
-        for row, values in zip(places, (fraction, result.standard_error, result.wrong, misfit), strict=True):
+        for row, values in zip(places, _told(fringes, result), strict=True):
             row[part][there] = values
 
     _for_all(place_part, phase_rad.shape[1])
