@@ -188,12 +188,14 @@ def phase_floor(
     wide = None if prior is None else Prior(prior.fraction, WIDER * prior.standard_error)
 
     def excess(floor: float) -> float:
-        found = unwrap(phases_rad, np.hypot(errors_rad, floor), periods, wide)
-        freedom = found.freedom - (prior is not None)
-        fits: BoolArray = np.isfinite(found.fraction) & (freedom > 0)
+        errors = np.hypot(errors_rad, floor)
+        found = unwrap(phases_rad, errors, periods, wide)
+        if wide is not None:
+            found = refined(phases_rad, errors, periods, found.fraction)
+        fits: BoolArray = np.isfinite(found.fraction) & (found.freedom > 0)
         if not fits.any():
             return -1.0
-        kinds, which = np.unique(freedom[fits], return_inverse=True)
+        kinds, which = np.unique(found.freedom[fits], return_inverse=True)
         return float(np.median(found.misfit[fits] / chi2.median(kinds)[which])) - 1.0
 
     if excess(0.0) <= 0:

@@ -30,7 +30,7 @@ from irtscots_cl.measurement.fringe_quality import (
 )
 from irtscots_cl.measurement.quality import WARNING, Check
 from irtscots_cl.measurement.reconstruction import design_points
-from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, find_mask, screen_coordinates
+from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates, find_mask, screen_coordinates
 from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_places
 from irtscots_cl.measurement.unwrapping import MARGIN
 from irtscots_cl.optics.setup import Setup
@@ -117,7 +117,7 @@ def fringe_surface(
         check_frames(shown, lambda k: images.name(images.of_stack(k)), lambda k: frames[images.of_stack(k)].text)
     )
     refuse_bad(checks, strict)
-    checks += check_notes(found) + _prior_note(stack)
+    checks += check_notes(found) + _prior_note(found)
     why = exclusions(found, lit, use)
     checks.append(check_saturation(found, stored(on_mirror, orientation), ceiling))
     checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
@@ -160,20 +160,26 @@ def _prior(stack: FringeStack, design: dict[str, FloatArray]) -> dict[str, tuple
     }
 
 
-def _prior_note(stack: FringeStack) -> list[Check]:
-    return [
-        Check(
-            f"order {one.axis}",
-            WARNING,
-            min(one.periods),
-            1 / (1 + 2 * MARGIN),
-            0.0,
-            f"no {one.axis} fringes below one period: which fringe a pixel sees is told by the design, right where the "
-            f"mirror sends light to less than {1 / (2 * min(one.periods)):.2g} of the screen from the design's place",
+def _prior_note(found: ScreenCoordinates) -> list[Check]:
+    """What the design has to tell, by axis: nothing where the series tell it all the same."""
+    return [_order_check(one) for one in found.axes.values() if one.islands or _needs_prior(one.fringes)]
+
+
+def _order_check(one: AxisCoordinates) -> Check:
+    axis, lowest = one.fringes.axis, min(one.fringes.periods)
+    what = f"no {axis} fringes below one period: which fringe "
+    if one.islands:
+        gap = max((abs(island.gap_turns) for island in one.islands), key=lambda turns: np.nan_to_num(turns, nan=1.0))
+        what += (
+            f"{len(one.islands)} islands of pixels see is told by the design, {gap:.2g} of a period away; the worst is "
+            f"wrong with probability {max(island.wrong for island in one.islands):.1g}"
         )
-        for one in stack.sets
-        if _needs_prior(one)
-    ]
+    else:
+        what += (
+            "a pixel sees is told by the design, right where the mirror sends light to less than "
+            f"{1 / (2 * lowest):.2g} of the screen from the design's place"
+        )
+    return Check(f"order {axis}", WARNING, lowest, 1 / (1 + 2 * MARGIN), 0.0, what)
 
 
 def _places(found: ScreenCoordinates, setup: Setup, used: BoolArray) -> ScreenPlaces:
