@@ -27,10 +27,10 @@ class PeriodicTable:
         """Values [n] at any angles [n]; NaN where these are no numbers. Equal steps need no search."""
         count = len(self.values) - 1
         place = angle_rad * (1 / TAU)
-        place -= np.rint(place)
-        place += 0.5
-        place *= count
         with np.errstate(invalid="ignore"):  # what is no number stands at any step: its place is none all the same
+            place -= np.rint(place)
+            place += 0.5
+            place *= count
             step = place.astype(np.intp)
         place -= step
         place *= self.rises.take(step, mode="clip")

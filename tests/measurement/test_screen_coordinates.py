@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack, equal_steps
+from irtscots_cl.measurement import screen_coordinates as coordinates_module
 from irtscots_cl.measurement.fringe_survey import blur_fall
 from irtscots_cl.measurement.harmonics import ResponseTable
 from irtscots_cl.measurement.screen_coordinates import places_again, screen_coordinates
@@ -263,9 +264,10 @@ def test_a_surface_far_from_the_design_keeps_its_shape():
         assert 1e-6 < max(island.wrong for island in found.axes[axis].islands) < 0.5  # and it is not told for sure
 
 
-def test_a_prior_that_cannot_tell_the_order_is_named():
+@pytest.mark.parametrize("periods", [(15.9,), (15.9, 63.6)], ids=str)
+def test_a_prior_that_cannot_tell_the_order_is_named(periods):
     """Half a period off in one island, where nothing is known of the other."""
-    stack, mask = barred(both(periods=(15.9,)))
+    stack, mask = barred(both(periods=periods))
     left, right = halves()
     prior = {
         axis: (np.where(left, place, np.nan), error)
@@ -294,3 +296,14 @@ def test_places_of_other_phases_keep_the_orders_of_the_image():
     np.testing.assert_allclose(moved[0], found.fraction[mask] + 0.3 / (2 * np.pi * 15.9), atol=1e-12)
     np.testing.assert_allclose(moved[1], found.standard_error[mask], rtol=1e-9)
     np.testing.assert_array_equal(moved[2], found.wrong[mask])
+
+
+def test_blocks_do_not_change_the_maps(monkeypatch):
+    """To the rounding of matrix products, which may differ with their width; gamma and saturation as well."""
+    stack = stack_of(both(), gamma=2.2, top=170.0)
+    whole = screen_coordinates(stack)
+    monkeypatch.setattr(coordinates_module, "AT_ONCE", 777)
+    parts = screen_coordinates(stack)
+    np.testing.assert_array_equal(parts.mask, whole.mask)
+    for name in ("fraction", "standard_error", "misfit", "amplitude", "residual", "missing"):
+        np.testing.assert_allclose(getattr(parts.x, name), getattr(whole.x, name), rtol=1e-5, atol=1e-9)
