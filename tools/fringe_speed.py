@@ -1,19 +1,20 @@
 #!/usr/bin/env python3
-"""Print what fringe images cost: tools/fringe_speed.py [small] [large] [--rounds N] [--against TREE].
+"""Print what fringe images cost: tools/fringe_speed.py [CASE ...] [--rounds N] [--against TREE].
 
-small: 32 frames of 154 x 203 pixels in TIFF files, all of `irtscots reconstruct` but the start of Python and its
-modules. large: 64 frames of 2448 x 2048 pixels, read one by one from a raw file, decoded to places on the screen with
-error bars. Both have photon noise, a screen of gamma 2.2 and saturated samples. Every round is a process of its own, so
-that its peak memory is its own, too. JSON: for each the medians, least and most of wall and processor seconds and of
-the peak memory. --against runs another source tree in turn with this one.
+small: 32 frames of 154 x 203 pixels in TIFF files decoded to places on the screen with error bars; reconstruct: all of
+`irtscots reconstruct` on them but the start of Python and its modules; large: 64 frames of 2448 x 2048 pixels, read one
+by one from a raw file, decoded. All have photon noise, a screen of gamma 2.2 and saturated samples; the mirror fills
+the large frames. Every round is a process of its own, so that its peak memory is its own, too. JSON: for each the
+median, least and most of wall and processor seconds and of the peak memory. --against runs another source tree in turn
+with this one.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from pathlib import Path
 
 import numpy as np
 
+from irtscots_cl.bench.suite import peak_memory_mib
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.scene.model import Scene
 
@@ -39,7 +41,7 @@ TOP = 4095
 GAMMA = 2.2
 READ, ELECTRONS = 2.0, 5.0  # counts; electrons per count
 DARK = 60.0
-EXPOSURE = 1.02  # of the brightest sample, over the full scale: 4 % of the mirror's pixels have saturated samples
+EXPOSURE = 1.02  # of the brightest sample, over the full scale: some pixels have saturated samples
 
 
 class RawFrames(Sequence[np.ndarray]):
@@ -75,11 +77,11 @@ def frames_of(sets: tuple[FringeSet, ...], places: list[np.ndarray], bright: np.
 
 
 def make_large(folder: Path) -> None:
-    """A bent mirror's view of the screen, in a disk that is darker to one side."""
+    """A bent mirror's view of the screen, darker to one side."""
     row, column = (axis.astype(np.float32) for axis in np.mgrid[: LARGE[0], : LARGE[1]])
     x, y = (column - LARGE[1] / 2) / LARGE[0], (row - LARGE[0] / 2) / LARGE[0]
     places = [0.5 + 0.9 * x + 0.05 * x * y, 0.5 - 0.9 * y + 0.03 * x**2]
-    bright = np.where(np.hypot(x, y) < 0.49, 1 - 0.3 * (x + 0.5), 0.01).astype(np.float32)
+    bright = 1 - 0.3 * (x + LARGE[1] / LARGE[0] / 2)
     with (folder / "frames.raw").open("wb") as file:
         for frame in frames_of(large_sets(), places, bright):
             frame.tofile(file)
@@ -135,7 +137,19 @@ def run_large(folder: Path) -> Callable[[], None]:
 
 
 def run_small(folder: Path) -> Callable[[], None]:
-    """All of `irtscots reconstruct` with its modules in memory."""
+    from irtscots_cl.imaging.fringe_images import open_fringe_images
+    from irtscots_cl.measurement.screen_coordinates import screen_coordinates
+
+    scene = small_scene().nominal()
+
+    def decode() -> None:
+        screen_coordinates(open_fringe_images([folder], scene).stack(TOP))
+
+    decode()  # modules are imported
+    return decode
+
+
+def run_reconstruct(folder: Path) -> Callable[[], None]:
     from irtscots_cl import cli
 
     arguments = ["reconstruct", str(folder), "--scene", str(folder / "scene.toml"), "--json"]
@@ -146,11 +160,15 @@ def run_small(folder: Path) -> Callable[[], None]:
         if code:
             raise RuntimeError(f"reconstruct ended with exit code {code}")
 
-    reconstruct("warm")
+    reconstruct("warm")  # modules are imported
     return reconstruct
 
 
-CASES = {"small": (make_small, run_small), "large": (make_large, run_large)}
+CASES = {
+    "small": (make_small, run_small),
+    "reconstruct": (make_small, run_reconstruct),
+    "large": (make_large, run_large),
+}
 
 
 def once(case: str, folder: Path) -> dict[str, float]:
@@ -158,12 +176,8 @@ def once(case: str, folder: Path) -> dict[str, float]:
     work = CASES[case][1](folder)
     wall, used = time.perf_counter(), time.process_time()
     work()
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    return {
-        "wall_s": time.perf_counter() - wall,
-        "processor_s": time.process_time() - used,
-        "peak_memory_gib": peak,
-    }
+    costs = {"wall_s": time.perf_counter() - wall, "processor_s": time.process_time() - used}
+    return costs | {"peak_memory_gib": (peak_memory_mib() or math.nan) / 2**10}
 
 
 def measured(case: str, trees: list[Path], rounds: int) -> dict[str, dict[str, dict[str, float]]]:
@@ -190,7 +204,9 @@ def _summary(rows: list[dict[str, float]]) -> dict[str, dict[str, float]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("cases", nargs="*", choices=[*CASES, []], metavar="CASE", help="small, large; default both")
+    parser.add_argument(
+        "cases", nargs="*", choices=[*CASES, []], metavar="CASE", help=f"{', '.join(CASES)}; default all"
+    )
     parser.add_argument("--rounds", type=int, default=5, metavar="N")
     parser.add_argument("--against", type=Path, metavar="TREE", help="another source tree, run in turn with this one")
     parser.add_argument("--once", type=Path, metavar="FOLDER", help=argparse.SUPPRESS)

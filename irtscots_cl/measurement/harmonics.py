@@ -24,7 +24,6 @@ from irtscots_cl.measurement.phase import SinusoidFit, fit_sinusoid, solved, use
 HIGHEST = 9  # harmonic that is counted: the next is below 1e-4 of the first for any screen's gamma
 ROUNDS = 10  # of finding gamma at most
 TABLE = 8192  # phases that the correction is tabulated at
-POLISHED = 3  # rounds
 GAMMAS = (0.05, 20.0)
 RATIOS = (-0.3, 0.7)  # of the second harmonic over the first, that are looked for
 MIN_COMPLETE = 200  # pixels
@@ -237,7 +236,7 @@ def blurred(ratios: FloatArray, fall: float, periods: float) -> FloatArray:
 
 def phase_bias(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
     """What harmonics add to the phase [n] that a fit of one sinusoid finds, for the true phase [n]; exact."""
-    turned: FloatArray = np.angle(_found(phase_rad, steps_rad, ratios) * np.exp(-1j * np.asarray(phase_rad)))
+    turned: FloatArray = np.angle(_found(phase_rad, steps_rad, ratios) * _unit(phase_rad).conj())
     return turned
 
 
@@ -252,13 +251,22 @@ def _found(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> 
     basis = np.stack([np.ones_like(steps), np.cos(steps), np.sin(steps)], -1)
     inverse = np.linalg.pinv(basis)
     estimator = inverse[1] + 1j * inverse[2]
-    found: NDArray[np.complex128] = np.exp(1j * phase_rad)
+    turn = _unit(phase_rad)
+    found, power = turn.copy(), turn  # power: of the harmonic k, cos(k phase) + i sin(k phase)
     for k in range(2, len(ratios)):
+        power = power * turn
         # cos k(phase - step), split into the steps' own part and the phase's
         of_cosine, of_sine = estimator @ np.cos(k * steps), estimator @ np.sin(k * steps)
         if ratios[k] and max(abs(of_cosine), abs(of_sine)) > 1e-12:
-            found = found + ratios[k] * (of_cosine * np.cos(k * phase_rad) + of_sine * np.sin(k * phase_rad))
+            found += ratios[k] * (of_cosine * power.real + of_sine * power.imag)
     return found
+
+
+def _unit(phase_rad: FloatArray) -> NDArray[np.complex128]:
+    """cos + i sin of phases [n]; faster than the exponential function of complex numbers."""
+    turn = np.empty(np.shape(phase_rad), complex)
+    turn.real, turn.imag = np.cos(phase_rad), np.sin(phase_rad)
+    return turn
 
 
 def correct_phase(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
@@ -287,8 +295,8 @@ def _tables(steps: bytes, ratios: bytes) -> tuple[PeriodicTable, PeriodicTable] 
     place = np.linspace(-np.pi, np.pi, 2 * TABLE + 1)
     gain = np.interp(place, found, np.gradient(true, found), period=2 * np.pi)
     add = np.interp(place, found, true - found, period=2 * np.pi)
-    for _ in range(POLISHED):  # Newton's method: only the interpolation between these places is left to err
-        add -= gain * (add + phase_bias(place + add, *of))
+    # one step of Newton's method: only the interpolation between these places is left to err
+    add -= gain * (add + phase_bias(place + add, *of))
     return PeriodicTable.of(add), PeriodicTable.of(gain)
 
 
