@@ -199,7 +199,8 @@ def harmonics_of(fit: SinusoidFit, ratios: FloatArray) -> FloatArray:
 
 def _higher_of(found: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
     """The harmonics from the second on [N, k] of fits [3, k]: offset, cosine, sine."""
-    return np.hypot(found[1], found[2]) * _higher(np.arctan2(found[2], found[1]), steps_rad, ratios, 2)
+    amplitude: FloatArray = np.hypot(found[1], found[2])
+    return amplitude * _higher(np.arctan2(found[2], found[1]), steps_rad, ratios, 2)
 
 
 def _higher(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray, lowest: int = 3) -> FloatArray:
@@ -207,7 +208,7 @@ def _higher(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray, lo
     terms = np.where(np.abs(ratios) > 1e-5, ratios, 0.0)
     terms[:lowest] = 0.0
     steps = np.asarray(steps_rad)[:, None]
-    first = np.cos(steps) * np.cos(phase_rad) + np.sin(steps) * np.sin(phase_rad)
+    first: FloatArray = np.cos(steps) * np.cos(phase_rad) + np.sin(steps) * np.sin(phase_rad)
     total, before, spare = (np.zeros_like(first) for _ in range(3))
     for term in terms[int(np.max(np.flatnonzero(terms), initial=0)) : 0 : -1]:  # from the highest to the first
         np.multiply(first, total, out=spare)

@@ -99,7 +99,7 @@ class SinusoidFit:
         cc += ss
         cc -= cs
         with np.errstate(divide="ignore", invalid="ignore"):
-            error = np.sqrt(np.maximum(cc, 0.0)) / square
+            error: FloatArray = np.sqrt(np.maximum(cc, 0.0)) / square
         error[square == 0] = np.inf
         return error
 

@@ -182,8 +182,9 @@ def _axis(
         found = replace(found, notes=found.notes + _doubts(fringes, islands))
     else:
         places = places_of_phases(fringes, maps["phase_rad"], maps["phase_error_rad"], found.floor_rad, prior, mask)
-    grids = {name: values.reshape(*values.shape[:-1], *stack.shape) for name, values in maps.items()}
-    return AxisCoordinates(fringes, found, *places.reshape(4, *stack.shape), **grids, islands=islands)
+    grids: dict[str, Any] = {name: values.reshape(*values.shape[:-1], *stack.shape) for name, values in maps.items()}
+    grids["islands"] = islands
+    return AxisCoordinates(fringes, found, *places.reshape(4, *stack.shape), **grids)
 
 
 def _is_open(fringes: FringeSet, maps: Mapping[str, NDArray[Any]], pixels: IntArray, floor_rad: float) -> bool:
