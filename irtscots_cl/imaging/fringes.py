@@ -14,12 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.scene.model import Scene
 
 STEPS = (3, 64)  # of one series: least and most
@@ -172,7 +173,7 @@ class FringeStack:
             if image is not None and np.shape(image) != shape:
                 raise ValueError(f"the {name} image has shape {np.shape(image)}, the fringe images {shape}")
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, int]:
         """(rows, columns) of the images."""
         rows, columns = np.shape(self.frames[0])
@@ -180,18 +181,37 @@ class FringeStack:
 
     def series(self, number: int) -> Iterator[tuple[float, tuple[float, ...], NDArray[Any]]]:
         """Of a set: (periods, steps [rad], images [steps, rows, columns]) of its series, one after the other."""
+        for periods, steps, numbers in self._numbers(number):
+            yield periods, steps, self._joined(numbers.start, len(numbers))
+
+    def lines(self, number: int, which: int) -> list[NDArray[Any]]:
+        """Images [rows * columns] of one series of a set, by its place in the set: not copied into one array."""
+        _, _, numbers = self._numbers(number)[which]
+        return [image.ravel() for image in self._read(numbers)]
+
+    def samples(self, number: int, pixels: IntArray) -> Iterator[tuple[float, tuple[float, ...], NDArray[Any]]]:
+        """As series, of some pixels [n] alone, by their flat numbers: samples [steps, n]."""
+        for periods, steps, numbers in self._numbers(number):
+            yield periods, steps, np.stack([image.ravel()[pixels] for image in self._read(numbers)])
+
+    def _numbers(self, number: int) -> list[tuple[float, tuple[float, ...], range]]:
+        """(periods, steps [rad], numbers of the images) of a set's series."""
         first = sum(one.count for one in self.sets[:number])
-        fringes = self.sets[number]
-        for periods, steps in zip(fringes.periods, fringes.steps_rad, strict=True):
-            yield periods, steps, self._joined(first, len(steps))
+        found = []
+        for periods, steps in zip(self.sets[number].periods, self.sets[number].steps_rad, strict=True):
+            found.append((periods, steps, range(first, first + len(steps))))
             first += len(steps)
+        return found
+
+    def _read(self, numbers: range) -> Iterator[NDArray[Any]]:
+        for k in numbers:
+            image = np.asarray(self.frames[k])
+            if image.shape != self.shape:
+                raise ValueError(f"fringe image {k} has shape {image.shape}, the first one {self.shape}")
+            yield image
 
     def _joined(self, first: int, count: int) -> NDArray[Any]:
         """Images [count, rows, columns]: a view where the frames are one array."""
         if isinstance(self.frames, np.ndarray):
             return self.frames[first : first + count]
-        images = [np.asarray(self.frames[k]) for k in range(first, first + count)]
-        for k, image in enumerate(images, first):
-            if image.shape != self.shape:
-                raise ValueError(f"fringe image {k} has shape {image.shape}, the first one {self.shape}")
-        return np.stack(images)
+        return np.stack(list(self._read(range(first, first + count))))

@@ -24,16 +24,13 @@ from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.fringe_gamma import ScreenGamma, screen_gamma
 from irtscots_cl.measurement.fringe_noise import errors_of_agreement
 from irtscots_cl.measurement.harmonics import phase_bias
-from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates, places_of_phases
+from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates, places_again
 from irtscots_cl.measurement.shown_light import first_edge_mm, shown_light
-from irtscots_cl.measurement.unwrapping import Prior, phase_floor
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.instrument import Screen
 
 LEAST = 0.02  # of the light's modulation, below which its phase says nothing
-SAMPLE = 8000  # pixels
-SAME_ORDER = 0.18  # of a period: the least precise place that tells an order beyond doubt (unwrapping.DOUBT)
 ROUNDS = 8  # at most, of finding the places and what the light makes of the fringes there
 SETTLED = 0.01  # of a place's standard error, by which a round moves it, where they end
 SETTLED_MM = 1e-8  # or by that
@@ -231,23 +228,10 @@ def _moved(
     phase = np.where(known | ~known.any(0), phase - np.nan_to_num(light), np.nan)
     if one.survey.noise is None:
         error = errors_of_agreement(phase, flat(one.amplitude), one.fringes.periods)
-    some = slice(None, None, max(1, len(pixels) // SAMPLE))
-    near = _orders(one, pixels) if keep_orders else None
-    few = None if near is None else Prior(near.fraction[some], near.standard_error[some])
-    floor = phase_floor(phase[:, some], error[:, some], one.fringes.periods, few)
-    places = places_of_phases(one.fringes, phase, error, floor, near)
-    if keep_orders:
-        places[2] = one.wrong.ravel()[pixels]
+    floor, places = places_again(one, pixels, phase, error, keep_orders)
     grids = _on_grid(places, pixels, mask.shape)
     survey = replace(one.survey, floor_rad=floor)
     return replace(one, survey=survey, fraction=grids[0], standard_error=grids[1], wrong=grids[2], misfit=grids[3])
-
-
-def _orders(one: AxisCoordinates, pixels: np.ndarray) -> Prior:
-    """The places as they are, so vaguely that they tell the orders and nothing else."""
-    fraction = one.fraction.ravel()[pixels]
-    place = 1 - fraction if one.fringes.reverse else fraction
-    return Prior(place, np.full(len(pixels), SAME_ORDER / min(one.fringes.periods)))
 
 
 def _complete(one: AxisCoordinates) -> NDArray[np.bool_]:

@@ -94,8 +94,8 @@ def exclusions(
         limit = np.where(freedom > 0, chi2.isf(MISFIT, np.maximum(freedom, 1)) / np.maximum(freedom, 1), np.inf)
         with np.errstate(invalid="ignore"):
             tests = (
-                (Reason.SATURATED, ~np.isfinite(one.fraction)),
-                (Reason.ORDER, one.wrong > WRONG_ORDER),
+                (Reason.SATURATED, ~np.isfinite(one.phase_rad).all(0) & ~np.isfinite(one.fraction)),
+                (Reason.ORDER, (one.wrong > WRONG_ORDER) | ~np.isfinite(one.fraction)),
                 (Reason.DISAGREE, one.misfit > limit),
             )
         for kind, wrong in tests:

@@ -116,8 +116,7 @@ def survey(
     fringes = stack.sets[number]
     notes: list[str] = []
     samples, steps, fits = [], [], []
-    for periods, said, images in stack.series(number):
-        values = images.reshape(len(said), -1)[:, pixels]
+    for periods, said, values in stack.samples(number, pixels):
         taken, found = _steps_of(values, np.asarray(said), fringes.axis, periods, stack.saturation)
         notes += found
         samples.append(values)

@@ -10,6 +10,7 @@ can be seen, and the second harmonic moves the phase.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.measurement.phase import SinusoidFit, fit_sinusoid, used_samples
+from irtscots_cl.maths.periodic_table import PeriodicTable
+from irtscots_cl.measurement.phase import SinusoidFit, fit_sinusoid, solved, used_samples
 
 HIGHEST = 9  # harmonic that is counted: the next is below 1e-4 of the first for any screen's gamma
 ROUNDS = 10  # of finding gamma at most
@@ -26,8 +28,9 @@ GAMMAS = (0.05, 20.0)
 RATIOS = (-0.3, 0.7)  # of the second harmonic over the first, that are looked for
 MIN_COMPLETE = 200  # pixels
 SAMPLE = 200  # of the pixels that lack samples, where the others are fewer
+MAX_SHARE = 3.0  # of the last round's way in the next: beyond, the two have told nothing
 REFITS = 60  # at most, of pixels that lack samples
-SETTLED_RAD = 1e-5
+SETTLED_RAD = 1e-8  # of a pixel's phase by a round, where its rounds end
 
 
 @dataclass(frozen=True)
@@ -136,16 +139,27 @@ def without_harmonics(samples: NDArray[Any], fit: SinusoidFit, ratios: FloatArra
     used = used_samples(samples[:, where], fit)
     values = np.where(used, samples[:, where], 0.0)
     found = np.stack([fit.offset[where], fit.cosine[where], fit.sine[where]])
-    clean = values
-    for _ in range(REFITS):
-        phase = np.arctan2(found[2], found[1])
-        angle = phase - steps[:, None]
-        higher = np.hypot(found[1], found[2]) * (ratios[2] * np.cos(2 * angle) + _higher(phase, steps, ratios))
-        clean = np.where(used, values - higher, 0.0)
-        found = np.einsum("kab,bk->ak", fit.inverse, basis.T @ clean)
-        if not np.nanmax(np.abs(wrapped(np.arctan2(found[2], found[1]) - phase)), initial=0.0) > SETTLED_RAD:
+    # Pixels leave the rounds as they settle, so that no pixel's result depends on the others. Each round goes on in the
+    # direction of the last two (Anderson, J. ACM 12, 547 (1965)).
+    going, inverse, some, their = np.arange(len(where)), fit.inverse, values, used
+    start, last, gap = found.copy(), found, np.zeros_like(found)
+    for k in range(REFITS):
+        clean = np.where(their, some - _higher_of(start, steps, ratios), 0.0)
+        after = solved(inverse, basis.T @ clean)
+        found[:, going] = after
+        moved = after - start
+        turned = np.abs(np.angle((after[1] + 1j * after[2]) * (start[1] - 1j * start[2])))
+        still = turned > SETTLED_RAD
+        if not still.any():
             break
-    square = np.square(np.where(used, clean - basis @ found, 0.0)).sum(0)
+        change = (moved - gap)[1:]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = (change * moved[1:]).sum(0) / np.square(change).sum(0)
+        share = np.where(np.abs(share) < MAX_SHARE, share, 0.0) if k else np.zeros(len(going))
+        start, last, gap = (after - share * (after - last))[:, still], after[:, still], moved[:, still]
+        going, inverse, some, their = going[still], inverse[still], some[:, still], their[:, still]
+    left = values - _higher_of(found, steps, ratios) - basis @ found
+    square = np.square(np.where(used, left, 0.0)).sum(0)
     parts = {}
     for name, own in zip(("offset", "cosine", "sine", "square"), (*found, square), strict=True):
         parts[name] = getattr(fit, name).copy()
@@ -164,9 +178,10 @@ def residual_square(samples: NDArray[Any], fit: SinusoidFit, ratios: FloatArray)
     rest = np.eye(len(steps)) - basis @ np.linalg.pinv(basis)
     phase = correct_phase(fit.phase_rad, steps, ratios)
     amplitude = fit.amplitude / first_harmonic_gain(phase, steps, ratios)
-    angle = phase - steps[:, None]
-    model = rest @ (ratios[2] * np.cos(2 * angle) + _higher(phase, steps, ratios))
-    turned = rest @ (2 * ratios[2] * np.sin(2 * angle))  # its change with the phase; that of the others is small
+    model = rest @ _higher(phase, steps, ratios, 2)
+    turned = rest @ (
+        2 * ratios[2] * np.sin(2 * (phase - steps[:, None]))
+    )  # its change with the phase; that of the others is small
     square = np.square(rest @ np.asarray(samples, float) - amplitude * model).sum(0)
     added = 2 / len(steps) * (np.square(model) + np.square(turned)).sum(0)
     return np.where(fit.samples == len(steps), square * fit.freedom / (fit.freedom + added), np.nan)
@@ -178,18 +193,32 @@ def harmonics_of(fit: SinusoidFit, ratios: FloatArray) -> FloatArray:
     whole = fit.samples == len(steps)
     phase = np.where(whole, correct_phase(fit.phase_rad, steps, ratios), fit.phase_rad)
     amplitude = fit.amplitude / np.where(whole, first_harmonic_gain(phase, steps, ratios), 1.0)
-    total: FloatArray = amplitude * (ratios[2] * np.cos(2 * (phase - steps[:, None])) + _higher(phase, steps, ratios))
+    total: FloatArray = amplitude * _higher(phase, steps, ratios, 2)
     return total
 
 
-def _higher(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
-    """The harmonics from the third on, over the first: samples [N, n]."""
-    angle = phase_rad - steps_rad[:, None]
-    total = np.zeros_like(angle)
-    for k in range(3, len(ratios)):
-        if abs(ratios[k]) > 1e-5:
-            total += ratios[k] * np.cos(k * angle)
-    return total
+def _higher_of(found: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
+    """The harmonics from the second on [N, k] of fits [3, k]: offset, cosine, sine."""
+    amplitude: FloatArray = np.hypot(found[1], found[2])
+    return amplitude * _higher(np.arctan2(found[2], found[1]), steps_rad, ratios, 2)
+
+
+def _higher(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray, lowest: int = 3) -> FloatArray:
+    """The harmonics from the lowest on, over the first: samples [N, n]. By Clenshaw's recurrence in the first."""
+    terms = np.where(np.abs(ratios) > 1e-5, ratios, 0.0)
+    terms[:lowest] = 0.0
+    steps = np.asarray(steps_rad)[:, None]
+    first: FloatArray = np.cos(steps) * np.cos(phase_rad) + np.sin(steps) * np.sin(phase_rad)
+    total, before, spare = (np.zeros_like(first) for _ in range(3))
+    for term in terms[int(np.max(np.flatnonzero(terms), initial=0)) : 0 : -1]:  # from the highest to the first
+        np.multiply(first, total, out=spare)
+        spare *= 2
+        spare += term
+        spare -= before
+        total, before, spare = spare, total, before
+    first *= total
+    first -= before
+    return first
 
 
 def gamma_of(ratio: float) -> float:
@@ -208,7 +237,7 @@ def blurred(ratios: FloatArray, fall: float, periods: float) -> FloatArray:
 
 def phase_bias(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
     """What harmonics add to the phase [n] that a fit of one sinusoid finds, for the true phase [n]; exact."""
-    turned: FloatArray = np.angle(_found(phase_rad, steps_rad, ratios) * np.exp(-1j * np.asarray(phase_rad)))
+    turned: FloatArray = np.angle(_found(phase_rad, steps_rad, ratios) * _unit(phase_rad).conj())
     return turned
 
 
@@ -228,13 +257,22 @@ def _found(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> 
     basis = np.stack([np.ones_like(steps), np.cos(steps), np.sin(steps)], -1)
     inverse = np.linalg.pinv(basis)
     estimator = inverse[1] + 1j * inverse[2]
-    found: NDArray[np.complex128] = np.exp(1j * phase_rad)
+    turn = _unit(phase_rad)
+    found, power = turn.copy(), turn  # power: of the harmonic k, cos(k phase) + i sin(k phase)
     for k in range(2, len(ratios)):
+        power = power * turn
         # cos k(phase - step), split into the steps' own part and the phase's
         of_cosine, of_sine = estimator @ np.cos(k * steps), estimator @ np.sin(k * steps)
         if ratios[k] and max(abs(of_cosine), abs(of_sine)) > 1e-12:
-            found = found + ratios[k] * (of_cosine * np.cos(k * phase_rad) + of_sine * np.sin(k * phase_rad))
+            found += ratios[k] * (of_cosine * power.real + of_sine * power.imag)
     return found
+
+
+def _unit(phase_rad: FloatArray) -> NDArray[np.complex128]:
+    """cos + i sin of phases [n]; faster than the exponential function of complex numbers."""
+    turn = np.empty(np.shape(phase_rad), complex)
+    turn.real, turn.imag = np.cos(phase_rad), np.sin(phase_rad)
+    return turn
 
 
 def correct_phase(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
@@ -242,17 +280,30 @@ def correct_phase(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArr
 
     Raises ValueError for harmonics so strong that two true phases give the same one.
     """
-    true, found = _table(steps_rad, ratios)
-    if not np.abs(found - true).max() > 1e-9:
-        return phase_rad
-    return wrapped(phase_rad - np.interp(phase_rad, found, found - true, period=2 * np.pi))
+    tables = _tables(*(np.ascontiguousarray(a, float).tobytes() for a in (steps_rad, ratios)))
+    return phase_rad if tables is None else wrapped(phase_rad + tables[0].at(phase_rad))
 
 
 def error_gain(phase_rad: FloatArray, steps_rad: FloatArray, ratios: FloatArray) -> FloatArray:
     """Factor [n] from errors of the phases found to those of the corrected ones."""
-    true, found = _table(steps_rad, ratios)
-    gain: FloatArray = np.interp(phase_rad, found, np.gradient(true, found), period=2 * np.pi)
-    return gain
+    tables = _tables(*(np.ascontiguousarray(a, float).tobytes() for a in (steps_rad, ratios)))
+    return np.ones_like(phase_rad) if tables is None else tables[1].at(phase_rad)
+
+
+@lru_cache(maxsize=64)
+def _tables(steps: bytes, ratios: bytes) -> tuple[PeriodicTable, PeriodicTable] | None:
+    """Of the phase found: what has to be added, and the factor of its errors; None where there is nothing to correct.
+    steps, ratios: bytes of their float64 arrays."""
+    of = np.frombuffer(steps), np.frombuffer(ratios)
+    true, found = _table(*of)
+    if not np.abs(found - true).max() > 1e-9:
+        return None
+    place = np.linspace(-np.pi, np.pi, 2 * TABLE + 1)
+    gain = np.interp(place, found, np.gradient(true, found), period=2 * np.pi)
+    add = np.interp(place, found, true - found, period=2 * np.pi)
+    # one step of Newton's method: only the interpolation between these places is left to err
+    add -= gain * (add + phase_bias(place + add, *of))
+    return PeriodicTable.of(add), PeriodicTable.of(gain)
 
 
 def _table(steps_rad: FloatArray, ratios: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -6,28 +6,33 @@ found.x.fraction, found.x.standard_error
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
-from irtscots_cl.measurement.fringe_survey import MAX_FLOOR_RAD, SAMPLE, Survey, phases_of, survey
+from irtscots_cl.measurement.fringe_survey import DOUBTFUL, MANY, MAX_FLOOR_RAD, SAMPLE, Survey, phases_of, survey
 from irtscots_cl.measurement.harmonics import ResponseTable, without_harmonics
 from irtscots_cl.measurement.mirror_mask import mirror_mask
 from irtscots_cl.measurement.phase import FrameNoise, fit_sinusoid
-from irtscots_cl.measurement.unwrapping import Prior, unwrap
+from irtscots_cl.measurement.unwrapping import TAU, Prior, Unwrapped, phase_floor, refined, unwrap
 from irtscots_cl.system import interruption
 from irtscots_cl.system.memory import check_memory
 
-AT_ONCE = 2**17  # pixels
-WORKERS = 2
+if TYPE_CHECKING:
+    from irtscots_cl.measurement.spatial_unwrapping import Island
+
+AT_ONCE = 2**15  # pixels: what is made of them on the way stays in a processor's cache
+WORKERS = min(4, os.cpu_count() or 1)
 MAP_BYTES = 24  # of a pixel and series: five maps
 PIXEL_BYTES = 120  # of a pixel: places, errors, and what is made on the way
+NOISY_RAD = 0.5  # error of a phase, from which on neighbours may differ by more than pi by chance
 
 
 @dataclass(frozen=True)
@@ -37,9 +42,10 @@ class AxisCoordinates:
     fraction, standard_error: [rows, columns] of the screen, in the fringes' own convention (FringeSet.reverse, ends);
     the standard error holds noise and the floor, for the right fringe orders. wrong: probability of wrong orders.
     misfit: chi-square of the series' agreement over its degrees of freedom.
-    phase_rad (harmonics taken out): [series, rows, columns]. phase_error_rad (noise alone), amplitude, offset, residual
-    (rms over its degrees of freedom, harmonics included): the same in float32. missing: [rows, columns] samples left
-    out, saturated or no numbers.
+    phase_rad (harmonics taken out), phase_error_rad (noise alone), amplitude, offset, residual (rms over its degrees of
+    freedom, harmonics included): [series, rows, columns] float32, the phase 64 bits. missing: [rows, columns] samples
+    left out, saturated or no numbers. islands: where the phase was unwrapped over the image, since the series leave the
+    place open: its parts, each with the order that the prior tells.
     """
 
     fringes: FringeSet
@@ -54,6 +60,7 @@ class AxisCoordinates:
     offset: NDArray[Any] = field(repr=False)
     residual: NDArray[Any] = field(repr=False)
     missing: NDArray[Any] = field(repr=False)
+    islands: tuple[Island, ...] = ()
 
     @property
     def modulation(self) -> NDArray[Any]:
@@ -129,14 +136,23 @@ def mirror_signal(stack: FringeStack) -> FloatArray:
     weakest = np.full(stack.shape[0] * stack.shape[1], np.inf)
     for number, fringes in enumerate(stack.sets):
         lowest = int(np.argmin(fringes.periods))
-        for k, (_, steps, images) in enumerate(stack.series(number)):
-            if k == lowest:
-                flat = images.reshape(len(steps), -1)
-                for part in _parts(flat.shape[1]):
-                    amplitude = fit_sinusoid(flat[:, part], np.asarray(steps), stack.saturation).amplitude
-                    weakest[part] = np.fmin(weakest[part], amplitude)
+        lines, steps = stack.lines(number, lowest), np.asarray(fringes.steps_rad[lowest])
+
+        def take_part(part: slice, lines: list[NDArray[Any]] = lines, steps: FloatArray = steps) -> None:
+            amplitude = fit_sinusoid(_samples(lines, part, None), steps, stack.saturation).amplitude
+            weakest[part] = np.fmin(weakest[part], amplitude)
+
+        _for_all(take_part, len(weakest))
     weakest[~np.isfinite(weakest)] = np.nan
     return weakest.reshape(stack.shape)
+
+
+def _samples(lines: list[NDArray[Any]], part: slice, inside: BoolArray | None) -> NDArray[Any]:
+    """Samples [N, n] of images [pixels] each, of a part of the pixels, or of those inside it."""
+    kind = np.result_type(*lines)
+    if inside is None:
+        return np.array([line[part] for line in lines], kind)
+    return np.array([line[part][inside] for line in lines], kind)
 
 
 def _parts(count: int) -> list[slice]:
@@ -154,76 +170,193 @@ def _axis(
     fringes = stack.sets[number]
     prior = None
     if known is not None:
-        place, error = (np.asarray(a, float).ravel()[pixels] for a in np.broadcast_arrays(*known))
+        place, error = (np.asarray(a, float).ravel() for a in np.broadcast_arrays(*known))
         prior = Prior(1 - place if fringes.reverse else place, error)
-    chosen = np.arange(0, len(pixels), max(1, len(pixels) // SAMPLE))
+    chosen = pixels[:: max(1, len(pixels) // SAMPLE)]
     some = None if prior is None else Prior(prior.fraction[chosen], prior.standard_error[chosen])
-    found = survey(stack, number, pixels[chosen], noise, response, some)
+    found = survey(stack, number, chosen, noise, response, some)
     maps = _evaluate(stack, number, pixels, found)
-    places = places_of_phases(fringes, maps["phase_rad"], maps["phase_error_rad"], found.floor_rad, prior)
+    mask = _mask_of(pixels, stack)
+    islands: tuple[Island, ...] = ()
+    if some is not None and _is_open(fringes, maps, chosen, found.floor_rad):
+        assert prior is not None
+        places, islands = _places_of_image(fringes, maps, found.floor_rad, prior, mask, stack.shape)
+        found = replace(found, notes=found.notes + _doubts(fringes, islands))
+    else:
+        places = places_of_phases(fringes, maps["phase_rad"], maps["phase_error_rad"], found.floor_rad, prior, mask)
+    grids: dict[str, Any] = {name: values.reshape(*values.shape[:-1], *stack.shape) for name, values in maps.items()}
+    grids["islands"] = islands
+    return AxisCoordinates(fringes, found, *places.reshape(4, *stack.shape), **grids)
 
-    def on_grid(values: NDArray[Any]) -> NDArray[Any]:
-        grid = np.full((*values.shape[:-1], stack.shape[0] * stack.shape[1]), np.nan, values.dtype)
-        grid[..., pixels] = values
-        return grid.reshape(*values.shape[:-1], *stack.shape)
 
-    return AxisCoordinates(
-        fringes,
-        found,
-        *(on_grid(row) for row in places),
-        **{name: on_grid(values) for name, values in maps.items()},
+def _is_open(fringes: FringeSet, maps: Mapping[str, NDArray[Any]], pixels: IntArray, floor_rad: float) -> bool:
+    """Whether the series alone leave several places to some of the pixels."""
+    phase, error = (np.asarray(maps[name][:, pixels], float) for name in ("phase_rad", "phase_error_rad"))
+    return bool((unwrap(phase, np.hypot(error, floor_rad), fringes.periods).wrong > DOUBTFUL).mean() > MANY)
+
+
+def _places_of_image(
+    fringes: FringeSet,
+    maps: Mapping[str, NDArray[Any]],
+    floor_rad: float,
+    prior: Prior,
+    mask: BoolArray,
+    shape: tuple[int, int],
+) -> tuple[FloatArray, tuple[Island, ...]]:
+    """As places_of_phases, and the islands: the lowest series unwrapped over the image, the others from its places."""
+    from irtscots_cl.measurement.spatial_unwrapping import unwrap_image
+
+    lowest = int(np.argmin(fringes.periods))
+    turn = TAU * fringes.periods[lowest]  # phase over the whole screen
+    error = np.hypot(maps["phase_error_rad"][lowest].astype(float), floor_rad)
+    image = unwrap_image(
+        maps["phase_rad"][lowest].reshape(shape),
+        (mask & (error < NOISY_RAD)).reshape(shape),
+        turn * prior.fraction.reshape(shape),
+        turn * prior.standard_error.reshape(shape),
+    )
+    coarse = Prior(image.phase_rad.ravel() / turn, error / turn)
+    wrong = np.where(mask, image.wrong.ravel(), np.nan)
+    others = [k for k in range(len(fringes.periods)) if k != lowest]
+    if others:
+        rest = replace(
+            fringes,
+            periods=tuple(fringes.periods[k] for k in others),
+            steps_rad=tuple(fringes.steps_rad[k] for k in others),
+        )
+        known = np.isfinite(coarse.fraction)
+        phases, errors = (maps[name][others] for name in ("phase_rad", "phase_error_rad"))
+        places = places_of_phases(rest, phases, errors, floor_rad, coarse, known)
+        places[2] = np.where(known, 1 - (1 - wrong) * (1 - places[2]), wrong)
+        return places, image.islands
+    fraction = 1 - coarse.fraction if fringes.reverse else coarse.fraction
+    spread = np.where(np.isfinite(fraction), coarse.standard_error, np.nan)
+    return np.stack([fraction, spread, wrong, np.full_like(wrong, np.nan)]), image.islands
+
+
+def _doubts(fringes: FringeSet, islands: tuple[Island, ...]) -> tuple[str, ...]:
+    """A note where the prior does not tell the order of an island."""
+    doubtful = [island for island in islands if island.wrong > DOUBTFUL]
+    if not doubtful:
+        return ()
+    most = max(doubtful, key=lambda island: island.pixels)
+    where = f"that of {most.pixels} pixels from row {most.row}, column {most.column}"
+    why = f"is {abs(most.gap_turns):.2f} of a period from the predicted place: wrong with probability {most.wrong:.2g}"
+    if np.isnan(most.gap_turns):
+        why = "has no predicted place"
+    return (
+        f"{fringes.axis} fringes: which fringe they see is in doubt for {len(doubtful)} of {len(islands)} islands of "
+        f"pixels, which are not used; {where} {why}",
     )
 
 
+def places_again(
+    one: AxisCoordinates, pixels: IntArray, phase_rad: FloatArray, error_rad: FloatArray, keep_orders: bool = False
+) -> tuple[float, FloatArray]:
+    """Floor [rad] and places [4, n], as of places_of_phases, for somewhat other phases [series, n] of some pixels.
+
+    pixels: [n] flat numbers. Orders that were found from the image as a whole stay as they are, and with keep_orders
+    all do, as where a Gray code told them.
+    """
+    periods = one.fringes.periods
+    if not one.islands and not keep_orders:
+        some = slice(None, None, max(1, len(pixels) // SAMPLE))
+        floor = phase_floor(phase_rad[:, some], error_rad[:, some], periods)
+        return floor, places_of_phases(one.fringes, phase_rad, error_rad, floor)
+    floor, fraction = one.survey.floor_rad, one.fraction.ravel()[pixels]
+    near = 1 - fraction if one.fringes.reverse else fraction
+    places = _told(one.fringes, refined(phase_rad, np.hypot(error_rad, floor), periods, near))
+    places[2] = one.wrong.ravel()[pixels]
+    return floor, places
+
+
+def _told(fringes: FringeSet, result: Unwrapped) -> FloatArray:
+    """Fraction in the fringes' convention, standard error, probability of wrong orders, misfit over freedom: [4, n]."""
+    fraction = 1 - result.fraction if fringes.reverse else result.fraction
+    with np.errstate(divide="ignore", invalid="ignore"):
+        misfit = np.where(result.freedom > 0, result.misfit / result.freedom, np.nan)
+    return np.stack([fraction, result.standard_error, result.wrong, misfit])
+
+
+def _mask_of(pixels: IntArray, stack: FringeStack) -> BoolArray:
+    """Whether each pixel of the images, by its flat number, is one of these."""
+    mask = np.zeros(stack.shape[0] * stack.shape[1], bool)
+    mask[pixels] = True
+    return mask
+
+
 def places_of_phases(
-    fringes: FringeSet, phase_rad: NDArray[Any], error_rad: NDArray[Any], floor_rad: float, prior: Prior | None = None
+    fringes: FringeSet,
+    phase_rad: NDArray[Any],
+    error_rad: NDArray[Any],
+    floor_rad: float,
+    prior: Prior | None = None,
+    mask: BoolArray | None = None,
 ) -> FloatArray:
     """Fraction, standard error, probability of wrong orders and misfit over its freedom, [4, n].
 
-    phase_rad, error_rad: [series, n]. floor_rad: error of all phases beside their own. prior: in the phases' direction.
+    phase_rad, error_rad: [series, n]. floor_rad: error of all phases beside their own. prior: of [n], in the phases'
+    direction. mask: [n] pixels to evaluate, NaN elsewhere; None: all.
     """
     places = np.full((4, phase_rad.shape[1]), np.nan)
 
     def place_part(part: slice) -> None:
-        near = None if prior is None else Prior(prior.fraction[part], prior.standard_error[part])
-        total = np.hypot(error_rad[:, part].astype(float), floor_rad)
-        result = unwrap(phase_rad[:, part].astype(float), total, fringes.periods, near)
-        fraction = 1 - result.fraction if fringes.reverse else result.fraction
-        with np.errstate(divide="ignore", invalid="ignore"):
-            misfit = np.where(result.freedom > 0, result.misfit / result.freedom, np.nan)
-        wrong = result.wrong if floor_rad <= MAX_FLOOR_RAD else np.ones_like(fraction)  # series that do not agree
-        places[:, part] = fraction, result.standard_error, wrong, misfit
+        inside = None if mask is None else mask[part]
+        if inside is not None and not inside.any():
+            return
+        there = slice(None) if inside is None or inside.all() else inside
+        near = None if prior is None else Prior(prior.fraction[part][there], prior.standard_error[part][there])
+        error = np.asarray(error_rad[:, part][:, there], float)
+        total = np.sqrt(error * error + floor_rad**2)
+        result = unwrap(np.asarray(phase_rad[:, part][:, there], float), total, fringes.periods, near)
+        told = _told(fringes, result)
+        if floor_rad > MAX_FLOOR_RAD:  # series that do not agree
+            told[2] = 1.0
+        for row, values in zip(places, told, strict=True):
+            row[part][there] = values
 
     _for_all(place_part, phase_rad.shape[1])
     return places
 
 
 def _evaluate(stack: FringeStack, number: int, pixels: IntArray, found: Survey) -> dict[str, NDArray[Any]]:
-    """Phases and what belongs to them [series, n], samples that are missing [n], of the given pixels."""
-    series = len(found.steps_rad)
-    names = ("phase_rad", "phase_error_rad", "amplitude", "offset", "residual")
-    maps: dict[str, NDArray[Any]] = {name: np.empty((series, len(pixels)), np.float32) for name in names}
-    maps["phase_rad"] = np.empty((series, len(pixels)))  # places to 1e-9 of the screen need more than float32
-    maps["missing"] = np.zeros(len(pixels), np.float32)
-    for k, (_, _, images) in enumerate(stack.series(number)):
-        flat = images.reshape(len(images), -1)
+    """Phases and what belongs to them [series, all pixels], samples that are missing [all pixels]; NaN outside the
+    given pixels."""
+    shape = len(found.steps_rad), stack.shape[0] * stack.shape[1]
+    names = ("phase_error_rad", "amplitude", "offset", "residual")
+    # places to 1e-9 of the screen need more than 32 bits of phase
+    maps: dict[str, NDArray[Any]] = {"phase_rad": np.full(shape, np.nan)}
+    maps |= {name: np.full(shape, np.nan, np.float32) for name in names}
+    maps["missing"] = np.full(shape[1], np.nan, np.float32)
+    mask = _mask_of(pixels, stack)
+    maps["missing"][mask] = 0
+    for k in range(shape[0]):
+        lines = stack.lines(number, k)
 
-        def fit_part(part: slice, k: int = k, flat: NDArray[Any] = flat) -> None:
-            fit = fit_sinusoid(flat[:, pixels[part]], found.steps_rad[k], stack.saturation)
+        def fit_part(part: slice, k: int = k, lines: list[NDArray[Any]] = lines) -> None:
+            inside = mask[part]
+            if not inside.any():
+                return
+            where = None if inside.all() else inside
+            samples = _samples(lines, part, where)
+            fit = fit_sinusoid(samples, found.steps_rad[k], stack.saturation)
             ratios = found.harmonics[k]
             if ratios is not None:
-                fit = without_harmonics(flat[:, pixels[part]], fit, ratios)
+                fit = without_harmonics(samples, fit, ratios)
             of_series = slice(k, k + 1)
             phase, error = phases_of(
                 [fit], found.steps_rad[of_series], found.harmonics[of_series], found.noise, found.sign
             )
+            there = slice(None) if where is None else where
             with np.errstate(invalid="ignore", divide="ignore"):
-                values = (phase[0], found.excess[k] * error[0], fit.amplitude, fit.offset, fit.residual_rms)
+                values = (found.excess[k] * error[0], fit.amplitude, fit.offset, fit.residual_rms)
                 for name, value in zip(names, values, strict=True):
-                    maps[name][k, part] = value
-            maps["missing"][part] += len(flat) - fit.samples
+                    maps[name][k, part][there] = value
+            maps["phase_rad"][k, part][there] = phase[0]
+            if fit.incomplete.size:
+                maps["missing"][part][there] += len(lines) - fit.samples
 
-        _for_all(fit_part, len(pixels))
+        _for_all(fit_part, shape[1])
     return maps
 
 

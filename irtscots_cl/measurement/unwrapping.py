@@ -70,6 +70,20 @@ def unwrap(
     return result
 
 
+def refined(phases_rad: FloatArray, errors_rad: FloatArray, periods: tuple[float, ...], near: FloatArray) -> Unwrapped:
+    """As unwrap, with the orders that lead nearest to known places [n]; `wrong` is 0."""
+    p = np.asarray(periods, float)[:, None]
+    turns, variance = phases_rad / TAU, np.square(errors_rad / TAU)
+    known = np.isfinite(turns) & np.isfinite(variance) & np.isfinite(near)
+    weight = np.where(known, p**2 / np.maximum(np.where(known, variance, 1.0), 1e-24), 0.0)
+    place = np.where(known, (turns + np.rint(p * near - turns)) / p, 0.0)
+    total = weight.sum(0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = (weight * place).sum(0) / total
+        misfit = (weight * np.square(place - mean)).sum(0)
+        return Unwrapped(mean, np.sqrt(1 / np.where(total > 0, total, np.nan)), total * 0, misfit, known.sum(0) - 1.0)
+
+
 def _in_sequence(turns: FloatArray, variance: FloatArray, p: FloatArray, prior: Prior | None) -> Unwrapped:
     """Orders found one after the other, each from the place that all lower numbers of periods give.
 
@@ -174,12 +188,14 @@ def phase_floor(
     wide = None if prior is None else Prior(prior.fraction, WIDER * prior.standard_error)
 
     def excess(floor: float) -> float:
-        found = unwrap(phases_rad, np.hypot(errors_rad, floor), periods, wide)
-        freedom = found.freedom - (prior is not None)
-        fits: BoolArray = np.isfinite(found.fraction) & (freedom > 0)
+        errors = np.hypot(errors_rad, floor)
+        found = unwrap(phases_rad, errors, periods, wide)
+        if wide is not None:
+            found = refined(phases_rad, errors, periods, found.fraction)
+        fits: BoolArray = np.isfinite(found.fraction) & (found.freedom > 0)
         if not fits.any():
             return -1.0
-        kinds, which = np.unique(freedom[fits], return_inverse=True)
+        kinds, which = np.unique(found.freedom[fits], return_inverse=True)
         return float(np.median(found.misfit[fits] / chi2.median(kinds)[which])) - 1.0
 
     if excess(0.0) <= 0:

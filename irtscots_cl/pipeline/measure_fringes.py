@@ -34,7 +34,7 @@ from irtscots_cl.measurement.harmonic_map import second_harmonic_maps
 from irtscots_cl.measurement.mirror_mask import mirror_mask
 from irtscots_cl.measurement.quality import WARNING, Check
 from irtscots_cl.measurement.reconstruction import Reconstruction, design_points
-from irtscots_cl.measurement.screen_coordinates import ScreenCoordinates, mirror_signal
+from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates, mirror_signal
 from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_places
 from irtscots_cl.measurement.unwrapping import MARGIN
 from irtscots_cl.optics.setup import Setup
@@ -126,7 +126,7 @@ def fringe_surface(
     prior = _prior(stack, design)
     frames = places_by_frames(recorded, stack, design, prior, masks, setup, strict)
     found = frames.found
-    checks += frames.checks + check_notes(found) + ([] if frames.coded else _prior_note(stack))
+    checks += frames.checks + check_notes(found) + ([] if frames.coded else _prior_note(found))
     why = exclusions(found, **masks, bad=recorded.bad)
     clipping = on_mirror if recorded.bad is None else on_mirror & ~upright(recorded.bad, orientation)
     checks.append(
@@ -134,7 +134,7 @@ def fringe_surface(
     )
     checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
     refuse_bad(checks, strict)
-    raw, keep = found, bool(prior)
+    raw, keep = found, frames.coded
     found, phases = places_of_light(raw, setup, images.manifest.levels, keep_orders=keep)
     why = exclusions(found, **masks, bad=recorded.bad)
     used = upright(why.used, orientation)
@@ -242,20 +242,26 @@ def _prior(stack: FringeStack, design: dict[str, FloatArray]) -> dict[str, tuple
     }
 
 
-def _prior_note(stack: FringeStack) -> list[Check]:
-    return [
-        Check(
-            f"order {one.axis}",
-            WARNING,
-            min(one.periods),
-            1 / (1 + 2 * MARGIN),
-            0.0,
-            f"no {one.axis} fringes below one period: which fringe a pixel sees is told by the design, right where the "
-            f"mirror sends light to less than {1 / (2 * min(one.periods)):.2g} of the screen from the design's place",
+def _prior_note(found: ScreenCoordinates) -> list[Check]:
+    """What the design has to tell, by axis: nothing where the series tell it all the same."""
+    return [_order_check(one) for one in found.axes.values() if one.islands or _needs_prior(one.fringes)]
+
+
+def _order_check(one: AxisCoordinates) -> Check:
+    axis, lowest = one.fringes.axis, min(one.fringes.periods)
+    what = f"no {axis} fringes below one period: which fringe "
+    if one.islands:
+        gap = max((abs(island.gap_turns) for island in one.islands), key=lambda turns: np.nan_to_num(turns, nan=1.0))
+        what += (
+            f"{len(one.islands)} islands of pixels see is told by the design, {gap:.2g} of a period away; the worst is "
+            f"wrong with probability {max(island.wrong for island in one.islands):.1g}"
         )
-        for one in stack.sets
-        if _needs_prior(one)
-    ]
+    else:
+        what += (
+            "a pixel sees is told by the design, right where the mirror sends light to less than "
+            f"{1 / (2 * lowest):.2g} of the screen from the design's place"
+        )
+    return Check(f"order {axis}", WARNING, lowest, 1 / (1 + 2 * MARGIN), 0.0, what)
 
 
 def places_in_mm(found: ScreenCoordinates, setup: Setup, used: BoolArray) -> ScreenPlaces:

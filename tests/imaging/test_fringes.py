@@ -113,3 +113,34 @@ def test_a_single_frame_of_another_shape_is_named():
     frames = [np.zeros((2, 3))] * 3 + [np.zeros((3, 2))]
     with pytest.raises(ValueError, match=r"fringe image 3 has shape \(3, 2\), the first one \(2, 3\)"):
         list(FringeStack((FringeSet.equal("x", (1.0,)),), frames).series(0))
+
+
+class Counted(list):
+    """Frames that count how often they are read."""
+
+    read = 0
+
+    def __getitem__(self, number):
+        self.read += 1
+        return super().__getitem__(number)
+
+
+def test_samples_and_lines_are_those_of_the_series():
+    sets = (FringeSet.equal("x", (1.0, 3.0), 4), FringeSet.equal("y", (2.0,), 3))
+    images = np.random.default_rng(1).integers(0, 255, (11, 5, 6)).astype(np.uint8)
+    frames = Counted(images)
+    stack, pixels = FringeStack(sets, frames), np.array([3, 17, 29])
+    for number in (0, 1):
+        for which, ((periods, steps, whole), (p, s, some)) in enumerate(
+            zip(stack.series(number), stack.samples(number, pixels), strict=True)
+        ):
+            assert (periods, steps) == (p, s) and some.dtype == np.uint8
+            np.testing.assert_array_equal(some, whole.reshape(len(steps), -1)[:, pixels])
+            np.testing.assert_array_equal(np.stack(stack.lines(number, which)), whole.reshape(len(steps), -1))
+    before = frames.read
+    assert stack.shape == (5, 6) and frames.read == before  # asked for once
+    stack.lines(1, 0)
+    assert frames.read == before + 3
+    frames[10] = np.zeros((2, 2))
+    with pytest.raises(ValueError, match=r"fringe image 10 has shape \(2, 2\), the first one \(5, 6\)"):
+        list(stack.samples(1, pixels))

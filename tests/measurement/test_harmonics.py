@@ -16,6 +16,7 @@ from irtscots_cl.measurement.harmonics import (
     phase_bias,
     response_harmonics,
     second_harmonic,
+    without_harmonics,
     wrapped,
 )
 from irtscots_cl.measurement.phase import FrameNoise, fit_sinusoid
@@ -136,3 +137,15 @@ def test_a_table_inverted_and_its_harmonics_taken_out_are_the_same():
 def test_tables_that_cannot_be_inverted_are_refused(shown, camera, message):
     with pytest.raises(ValueError, match=message):
         ResponseTable(np.array(shown, float), np.array(camera, float))
+
+
+def test_a_pixel_without_some_samples_does_not_depend_on_the_others():
+    random, steps = np.random.default_rng(4), np.array(equal_steps(8))
+    ratios, angle = gamma_harmonics(2.2), random.uniform(-np.pi, np.pi, 400) - steps[:, None]
+    values = np.minimum(100 + 60 * sum(ratios[k] * np.cos(k * angle) for k in range(1, 10)), 140.0)
+    whole = without_harmonics(values, fit_sinusoid(values, steps, 140.0), ratios)
+    for part in (slice(0, 3), slice(3, 200)):
+        some = without_harmonics(values[:, part], fit_sinusoid(values[:, part], steps, 140.0), ratios)
+        np.testing.assert_allclose(some.phase_rad, whole.phase_rad[part], atol=1e-12)
+    assert len(whole.incomplete) > 50
+    np.testing.assert_allclose(wrapped(whole.phase_rad[whole.incomplete] - angle[0, whole.incomplete]), 0, atol=1e-6)

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from irtscots_cl.imaging.fringes import equal_steps
+from irtscots_cl.measurement import phase as phase_module
 from irtscots_cl.measurement.fringe_noise import estimate_noise
 from irtscots_cl.measurement.harmonics import wrapped
 from irtscots_cl.measurement.phase import FrameNoise, fit_sinusoid
@@ -143,3 +144,30 @@ def test_a_pixel_without_amplitude_has_an_infinite_error():
     fit = fit_sinusoid(np.full((4, 1), 7.0), np.array(equal_steps(4)))
     error = fit.phase_error_rad(FrameNoise(1.0))[0]
     assert error > 1e6  # rounding may leave an amplitude of 1e-15
+
+
+def test_pieces_and_neighbours_do_not_change_a_fit(monkeypatch):
+    """Pixels alone, in blocks and all together; also of more steps than a word has bits."""
+    for count in (5, 70):
+        steps = np.array(equal_steps(count))
+        amplitude = np.random.default_rng(9).uniform(30, 90, 3000)
+        values = np.minimum(samples_of(phases()[:3000], steps, 110.0, amplitude), 170.0)
+        whole = fit_sinusoid(values, steps, 170.0)
+        assert 0.2 < len(whole.incomplete) / 3000 < 0.9
+        monkeypatch.setattr(phase_module, "FEWEST_AT_ONCE", 7)
+        monkeypatch.setattr(phase_module, "BLAS_TASK", 1)
+        for part in (slice(0, 1), slice(1, 1000), slice(1000, 3000)):
+            some = fit_sinusoid(values[:, part], steps, 170.0)
+            for name in ("offset", "cosine", "sine", "square"):
+                np.testing.assert_allclose(getattr(some, name), getattr(whole, name)[part], rtol=1e-9, atol=1e-9)
+        monkeypatch.undo()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_left_out_also_without_a_ceiling(bad):
+    steps = np.array(equal_steps(6))
+    values = samples_of(phases()[:50], steps)
+    values[2, 7] = bad
+    fit = fit_sinusoid(values, steps)
+    assert fit.incomplete.tolist() == [7]
+    np.testing.assert_allclose(wrapped(fit.phase_rad - phases()[:50]), 0, atol=1e-12)

@@ -7,9 +7,10 @@ import pytest
 from scipy import stats
 
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack, equal_steps
+from irtscots_cl.measurement import screen_coordinates as coordinates_module
 from irtscots_cl.measurement.fringe_survey import blur_fall
 from irtscots_cl.measurement.harmonics import ResponseTable
-from irtscots_cl.measurement.screen_coordinates import screen_coordinates
+from irtscots_cl.measurement.screen_coordinates import places_again, screen_coordinates
 
 ROWS, COLUMNS = 120, 110
 FAILURE_CHANCE = 1e-6
@@ -265,3 +266,99 @@ def test_wrong_shapes_and_empty_masks_are_refused():
         screen_coordinates(stack, mask=np.ones((3, 3), bool))
     with pytest.raises(ValueError, match="no pixel is marked"):
         screen_coordinates(stack, mask=np.zeros((ROWS, COLUMNS), bool))
+
+
+BAR = (slice(None), slice(50, 60))  # across the mirror: two islands
+
+
+def barred(sets, **options):
+    """A stack of the mirror with a bar across it, and the mask of what is left."""
+    stack, mask = stack_of(sets, **options), mirror()
+    mask[BAR] = False
+    return stack, mask
+
+
+def design(error, spread=0.1):
+    """Priors: the true places and an error in periods of 15.9, stated as `spread`."""
+    return {
+        axis: (place + error / 15.9, np.full_like(place, spread / 15.9))
+        for axis, place in zip("xy", places(), strict=True)
+    }
+
+
+@pytest.mark.parametrize("periods", [(15.9,), (7.95, 15.9, 63.6)], ids=str)
+@pytest.mark.parametrize("options", [{}, {"reverse": True}], ids=str)
+def test_series_that_leave_the_place_open_are_unwrapped_over_the_image(periods, options):
+    """Two islands; with several series of common fringes the lowest is unwrapped. The prior does not pull places."""
+    stack, mask = barred(both(periods=periods, **options))
+    prior = design(0.2)
+    found = screen_coordinates(stack, mask=mask, prior=prior)
+    assert found.notes == ()
+    for axis, place in zip("xy", places(), strict=True):
+        one = found.axes[axis]
+        assert [island.pixels for island in one.islands] == [int((mask & half).sum()) for half in halves()]
+        assert max(island.wrong for island in one.islands) < 1e-5 and np.nanmax(one.wrong) < 1e-4
+        assert_normal(((one.fraction - place) / one.standard_error)[mask])
+        assert np.isnan(one.fraction[~mask]).all() and np.isnan(one.wrong[~mask]).all()
+
+
+def halves():
+    left = np.zeros((ROWS, COLUMNS), bool)
+    left[:, :55] = True
+    return left, ~left
+
+
+def test_a_surface_far_from_the_design_keeps_its_shape():
+    """Off by up to a whole period at the rim, where each pixel by itself would take the next fringe."""
+    stack, mask = barred(both(periods=(15.9,)))
+    row, column = np.mgrid[:ROWS, :COLUMNS]
+    bent = design(np.hypot(row - 60, column - 55) ** 2 / 45**2 - 0.3, spread=0.05)
+    found = screen_coordinates(stack, mask=mask, prior=bent)
+    for axis, place in zip("xy", places(), strict=True):
+        np.testing.assert_allclose(found.axes[axis].fraction[mask], place[mask], atol=1.5e-3)
+        assert 1e-6 < max(island.wrong for island in found.axes[axis].islands) < 0.5  # and it is not told for sure
+
+
+@pytest.mark.parametrize("periods", [(15.9,), (15.9, 63.6)], ids=str)
+def test_a_prior_that_cannot_tell_the_order_is_named(periods):
+    """Half a period off in one island, where nothing is known of the other."""
+    stack, mask = barred(both(periods=periods))
+    left, right = halves()
+    prior = {
+        axis: (np.where(left, place, np.nan), error)
+        for axis, (place, error) in design(np.where(left, 0.49, 0.0)).items()
+    }
+    found = screen_coordinates(stack, mask=mask, prior=prior)
+    assert (found.x.wrong[mask & left] > 0.2).all() and (found.x.wrong[mask & right] == 1).all()
+    assert np.isnan(found.x.fraction[mask & right]).all()
+    assert len(found.notes) >= 2 and any("in doubt for 2 of 2 islands" in note for note in found.notes)
+
+
+def test_a_prior_off_by_a_period_is_followed_and_only_that():
+    stack, mask = barred(both(periods=(15.9,)))
+    found = screen_coordinates(stack, mask=mask, prior=design(np.where(halves()[0], 1.0, 0.0)))
+    off = np.where(halves()[0], 1 / 15.9, 0.0)
+    np.testing.assert_allclose(found.x.fraction[mask], (places()[0] + off)[mask], atol=1.5e-3)
+
+
+def test_places_of_other_phases_keep_the_orders_of_the_image():
+    stack, mask = barred(both(periods=(15.9,)), noise=0.1)
+    found = screen_coordinates(stack, mask=mask, prior=design(0.1)).x
+    pixels = np.flatnonzero(mask)
+    phase, error = (m.reshape(1, -1)[:, pixels].astype(float) for m in (found.phase_rad, found.phase_error_rad))
+    floor, moved = places_again(found, pixels, phase + 0.3, error)
+    assert floor == 0.0
+    np.testing.assert_allclose(moved[0], found.fraction[mask] + 0.3 / (2 * np.pi * 15.9), atol=1e-12)
+    np.testing.assert_allclose(moved[1], found.standard_error[mask], rtol=1e-9)
+    np.testing.assert_array_equal(moved[2], found.wrong[mask])
+
+
+def test_blocks_do_not_change_the_maps(monkeypatch):
+    """To the rounding of matrix products, which may differ with their width; gamma and saturation as well."""
+    stack = stack_of(both(), gamma=2.2, top=170.0)
+    whole = screen_coordinates(stack)
+    monkeypatch.setattr(coordinates_module, "AT_ONCE", 777)
+    parts = screen_coordinates(stack)
+    np.testing.assert_array_equal(parts.mask, whole.mask)
+    for name in ("fraction", "standard_error", "misfit", "amplitude", "residual", "missing"):
+        np.testing.assert_allclose(getattr(parts.x, name), getattr(whole.x, name), rtol=1e-5, atol=1e-9)

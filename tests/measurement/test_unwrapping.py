@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from irtscots_cl.measurement.unwrapping import Prior, phase_floor, unwrap
+from irtscots_cl.measurement.unwrapping import Prior, phase_floor, refined, unwrap
 
 PIXELS = 100_000
 FAILURE_CHANCE = 1e-6
@@ -120,3 +120,23 @@ def test_what_noise_does_not_explain_is_found():
     assert phase_floor(phases, np.full_like(errors, 0.02), SOFAST) == pytest.approx(0.05, rel=0.05)
     assert phase_floor(phases, errors, SOFAST) < 0.01
     assert phase_floor(phases[:1], errors[:1], SOFAST[:1]) == 0.0
+
+
+def test_an_error_of_the_prior_is_not_taken_for_one_of_the_phases():
+    """Phases as good as stated, a prior off by four of its errors in all pixels."""
+    periods = (8.0, 16.0, 64.0)
+    place, phases, errors = measured(periods, 0.02, 20_000)
+    prior = Prior(place + 0.04, np.full(len(place), 0.01))
+    assert phase_floor(phases, errors, periods, prior) < 0.005
+
+
+def test_known_orders_give_the_weighted_mean_of_all_series():
+    place, phases, errors = measured(SOFAST, 0.02, 1000)
+    phases[3, :100] = np.nan
+    near = place + 0.3 / 63.9
+    near[0] = np.nan
+    found = refined(phases, errors, SOFAST, near)
+    expected = unwrap(phases, errors, SOFAST)
+    assert np.isnan(found.fraction[0]) and np.isnan(found.standard_error[0])
+    for name in ("fraction", "standard_error", "misfit", "freedom"):
+        np.testing.assert_allclose(getattr(found, name)[1:], getattr(expected, name)[1:], rtol=1e-7, atol=1e-9)
