@@ -123,7 +123,7 @@ def survey(
         steps.append(taken)
         fits.append(fit_sinusoid(values, taken, stack.saturation))
     second = tuple(_second_harmonic(v, f) for v, f in zip(samples, fits, strict=True))
-    faults = _empty_series(fringes, fits) + _impossible(fringes, second)
+    broken = _impossible(fringes, second) | _empty_series(fringes, fits)
     second = tuple(one if abs(one.ratio) <= MAX_RATIO else NOT_SEEN for one in second)
     harmonics, found = _harmonics_of(fringes, fits, second, response)
     notes += found
@@ -132,8 +132,9 @@ def survey(
         for values, fit, ratios in zip(samples, fits, harmonics, strict=True)
     ]
     left = _residuals(samples, fits, harmonics, second)
-    excess, found = _excess(fringes, fits, left)
-    notes += found
+    excess = _excess(fits, left)
+    notes += _left_out(fringes, excess, broken)
+    faults = list(broken.values())
     if noise is None:
         noise = _noise_of(samples, fits, left, excess)
         if noise is None:
@@ -174,26 +175,27 @@ def _second_harmonic(values: NDArray[Any], fit: SinusoidFit) -> SecondHarmonic:
         return SecondHarmonic(1.0, 0.0)
 
 
-def _empty_series(fringes: FringeSet, fits: list[SinusoidFit]) -> list[str]:
+def _empty_series(fringes: FringeSet, fits: list[SinusoidFit]) -> dict[int, str]:
     """Series whose amplitude is no more than their own residuals make."""
-    told = []
-    for periods, fit in zip(fringes.periods, fits, strict=True):
+    told = {}
+    for k, (periods, fit) in enumerate(zip(fringes.periods, fits, strict=True)):
         rms = fit.residual_rms
         if not np.isfinite(rms).any():
             continue
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.nanmedian(fit.amplitude) / (np.sqrt(2 / len(fit.steps_rad)) * np.sqrt(np.nanmean(rms**2)))
         if share < SEEN:
-            told.append(EMPTY.format(fringes.axis, periods, share))
+            told[k] = EMPTY.format(fringes.axis, periods, share)
     return told
 
 
-def _impossible(fringes: FringeSet, second: tuple[SecondHarmonic, ...]) -> list[str]:
-    return [
-        IMPOSSIBLE.format(fringes.axis, periods, MAX_RATIO)
-        for periods, one in zip(fringes.periods, second, strict=True)
+def _impossible(fringes: FringeSet, second: tuple[SecondHarmonic, ...]) -> dict[int, str]:
+    """Series with a second harmonic that no screen makes."""
+    return {
+        k: IMPOSSIBLE.format(fringes.axis, periods, MAX_RATIO)
+        for k, (periods, one) in enumerate(zip(fringes.periods, second, strict=True))
         if abs(one.ratio) > MAX_RATIO and one.is_seen
-    ]
+    }
 
 
 def _culprit(fringes: FringeSet, phases: FloatArray, errors: FloatArray, prior: Prior | None) -> str:
@@ -342,18 +344,20 @@ def _residuals(
     return found
 
 
-def _excess(fringes: FringeSet, fits: list[SinusoidFit], left: list[FloatArray]) -> tuple[FloatArray, list[str]]:
-    """Factors [series] of the errors of series whose residuals are no noise, as where one frame is wrong; and notes."""
+def _excess(fits: list[SinusoidFit], left: list[FloatArray]) -> FloatArray:
+    """Factors [series] of the errors of series whose residuals are no noise, as where one frame is wrong."""
     variance = np.array([series_variance(s, f.freedom.astype(float)) for s, f in zip(left, fits, strict=True)])
-    excess = excess_errors(variance, np.array([np.nanmedian(fit.amplitude) for fit in fits]))
-    notes = []
-    for k in np.flatnonzero(excess > 1):
-        what = f"{fringes.axis} fringes of {fringes.periods[k]:g} periods"
-        if np.isfinite(excess[k]):
-            notes.append(f"{what}: {UNEVEN_SERIES.format(excess[k])}")
-        else:
-            notes.append(f"{what}: {NO_FRINGES}")
-    return excess, notes
+    return excess_errors(variance, np.array([np.nanmedian(fit.amplitude) for fit in fits]))
+
+
+def _left_out(fringes: FringeSet, excess: FloatArray, broken: dict[int, str]) -> list[str]:
+    """Notes on the series that count less or not at all, but for those that are named as broken."""
+    return [
+        f"{fringes.axis} fringes of {fringes.periods[k]:g} periods: "
+        + (UNEVEN_SERIES.format(excess[k]) if np.isfinite(excess[k]) else NO_FRINGES)
+        for k in np.flatnonzero(excess > 1)
+        if k not in broken
+    ]
 
 
 def _noise_of(
