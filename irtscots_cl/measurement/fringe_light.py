@@ -20,7 +20,9 @@ from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates, places_of_phases
 from irtscots_cl.measurement.unwrapping import phase_floor
+from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.instrument import Screen
 from irtscots_cl.system import interruption
 
 AT_ONCE = 2**20  # values of the light on the screen's lines
@@ -31,7 +33,8 @@ SAMPLE = 8000  # pixels
 @dataclass(frozen=True)
 class LightPhases:
     """Of fringes' series: difference_rad, the phase of the design's light less that of its centroid; modulation, the
-    amplitude over that of a point's light; both [series, rows, columns] upright, NaN where the light is not known."""
+    amplitude over that of a point's light; both [series, rows, columns] upright, or [series, n] of some pixels, NaN where
+    the light is not known."""
 
     difference_rad: FloatArray = field(repr=False)
     modulation: FloatArray = field(repr=False)
@@ -46,12 +49,20 @@ def light_phases(
     these steps do; what it does to the phases itself is not in the result.
     """
     light, screen = setup.pixel_light, setup.scene.screen
+    found = phases_of_light(light, screen, fringes, place_mm.ravel()[light.pixels], levels, gamma)
+    grids = (_on_grid(values, light.pixels, place_mm.shape) for values in (found.difference_rad, found.modulation))
+    return LightPhases(*grids)
+
+
+def phases_of_light(
+    light: PixelLight, screen: Screen, fringes: FringeSet, centre_mm: FloatArray, levels: int = 0, gamma: float = 1.0
+) -> LightPhases:
+    """As light_phases, of some pixels' light, its centroids moved to centre_mm [n]: maps [series, n]."""
     k = "xy".index(fringes.axis)
     output, pitch, count = "uv"[k], screen.pitch_xy_mm[k], screen.pixels[k]
     own = light.means(output)[0]
-    centre = place_mm.ravel()[light.pixels]
-    known = light.valid() & np.isfinite(own) & np.isfinite(centre)
-    moved = np.where(known, centre - own, 0.0)
+    known = light.valid() & np.isfinite(own) & np.isfinite(centre_mm)
+    moved = np.where(known, centre_mm - own, 0.0)
     middle, half = light.extent(output)
     known &= np.isfinite(middle) & np.isfinite(half)
     start_mm = -count * pitch / 2 + screen.centre_offset_mm[k]
@@ -59,9 +70,9 @@ def light_phases(
     most = int(np.ceil(2 * half[known].max(initial=0.0) / pitch)) + 3
     fractions = fringes.pixel_fractions(count)
     shown = _screen_lines(fringes, fractions, levels, gamma)  # [kinds, series, lines]
-    sums = np.zeros((*shown.shape[:2], len(centre)), complex)
-    whole = np.zeros(len(centre))
-    step = max(1, AT_ONCE // max(len(centre), 1))
+    sums = np.zeros((*shown.shape[:2], len(centre_mm)), complex)
+    whole = np.zeros(len(centre_mm))
+    step = max(1, AT_ONCE // max(len(centre_mm), 1))
     for begin in range(0, most, step):
         interruption.check()
         lines = first[:, None] + begin + np.arange(min(step, most - begin) + 1)
@@ -73,7 +84,7 @@ def light_phases(
         whole += share.sum(1)
         for kind, series in np.ndindex(shown.shape[:2]):
             sums[kind, series] += (share * shown[kind, series][number]).sum(1)
-    at = ((centre - start_mm) / pitch - 0.5) * (fractions[1] - fractions[0]) + fractions[0]
+    at = ((centre_mm - start_mm) / pitch - 0.5) * (fractions[1] - fractions[0]) + fractions[0]
     turn = np.exp(-2j * math.pi * np.array(fringes.periods)[:, None] * at)
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = np.where(known & (whole > 0), sums[0] * turn / whole, np.nan)
@@ -82,7 +93,7 @@ def light_phases(
             difference = difference + np.angle(sums[2] / sums[1])
     difference *= -1 if fringes.reverse else 1
     difference[~(np.abs(relative) > LEAST)] = np.nan
-    return LightPhases(*(_on_grid(v, light.pixels, place_mm.shape) for v in (difference, np.abs(relative))))
+    return LightPhases(difference, np.abs(relative))
 
 
 def _screen_lines(fringes: FringeSet, fractions: FloatArray, levels: int, gamma: float) -> FloatArray:
