@@ -61,8 +61,9 @@ class SetError:
 
     @property
     def recommendable(self) -> bool:
-        """Whether it fits the frames and tells the orders."""
-        return self.used > 0 and np.isfinite(self.nm_frames) and (self.safe is None or self.safe.found)
+        """Whether it fits the frames, tells the orders, and leaves residuals: those of three steps are always zero."""
+        shows = self.fringes is None or self.fringes.steps > 3
+        return shows and self.used > 0 and np.isfinite(self.nm_frames) and (self.safe is None or self.safe.found)
 
 
 @dataclass(frozen=True)
@@ -112,23 +113,21 @@ def design_patterns(
     gamma = 1.0 if response is None else float(response.gamma)
     first = Fringes("", (0.9, max(0.9, min(seen.most_periods, _precise(seen)))), 4)
     heights = height_noise(setup, seen, _fringe_places(seen, camera, first, frames, gamma, phase_errors))
-    judge = _Judge(seen, seen.thinned(300), camera, heights, frames, limit, gamma)
+    judge = _Judge(seen, camera, heights, frames, limit, gamma)
     sets = [judge.of_fringes(kind) for kind in families(frames)]
     sets += [judge.of_lines(*kind) for kind in line_candidates(seen)]
     of_frames, of_light = judge.bounds()
     ranked = sorted(sets, key=_rank)
     if gamma != 1.0:
         ranked = sorted((replace(one, bias_nm=judge.bias(one)) for one in ranked), key=_rank)
-    return PatternDesign(
-        setup.scene, camera, frames, limit, gamma, tuple(ranked), of_frames, of_light, seen, heights
-    )
+    return PatternDesign(setup.scene, camera, frames, limit, gamma, tuple(ranked), of_frames, of_light, seen, heights)
 
 
-def _rank(one: SetError) -> tuple:
+def _rank(one: SetError) -> tuple[bool, int, float, int, int]:
     """Least error first; of equal ones the least bias, then the most steps, which show most of what is wrong."""
     nm = one.nm_frames if np.isfinite(one.nm_frames) else 1e300
     return (
-        not one.recommendable, round(np.log(max(nm, 1e-300)) / TIE), abs(one.bias_nm or 0.0),
+        not np.isfinite(one.nm_frames), round(float(np.log(max(nm, 1e-300))) / TIE), abs(one.bias_nm or 0.0),
         -(one.fringes.steps if one.fringes else 0), one.frames,
     )  # fmt: skip
 
@@ -150,21 +149,21 @@ def _fringe_places(
 
 @dataclass(frozen=True)
 class _Judge:
-    """What all sets are judged by. few: of the pixels, for the search of periods."""
+    """What all sets are judged by. searched: what it has found."""
 
     seen: SeenPixels
-    few: SeenPixels
     camera: DesignCamera
     heights: HeightNoise
     frames: int
     limit: float
     gamma: float
+    searched: dict[tuple[str, int, int, int], SafePeriods] = field(default_factory=dict)
 
     def of_fringes(self, kind: Fringes) -> SetError:
         """The set of this kind with the highest number of periods that is best, of those that are safe."""
         interruption.check()
         used = self.frames // kind.frames * kind.frames
-        safe = highest_safe(self.few, self.camera, kind, used, self.limit, self.gamma)
+        safe = self._safe(kind, used)
         fringes = replace(kind, periods=safe.best)
         nm, exact = (
             self.heights.nm(_fringe_places(self.seen, camera, fringes, self.frames, self.gamma, phase_errors))
@@ -180,18 +179,25 @@ class _Judge:
             _rest(nm, exact), float(np.mean(wrong > self.limit)), float(wrong.max()), safe,
         )  # fmt: skip
 
+    def _safe(self, kind: Fringes, used: int) -> SafePeriods:
+        """Searched once for all numbers of steps whose noise is the same: those from four on, of as many frames."""
+        key = (kind.family, len(kind.periods), min(kind.steps, 4), used)
+        if key not in self.searched:
+            self.searched[key] = highest_safe(self.seen, self.camera, kind, used, self.heights, self.limit, self.gamma)
+        return self.searched[key]
+
     def of_lines(self, width: int, step: int) -> SetError:
         interruption.check()
         found = line_errors(self.seen, self.camera, width, step)
         one, bound = self.heights.nm(found.error_mm), self.heights.nm(found.bound_mm)
-        exact = self.heights.nm(line_errors(self.seen, self.camera.without_rounding, width, step).error_mm)
+        exact = self.heights.nm(found.exact_mm)
         passes = found.frames / self.frames
         light, camera = passes * found.longer, self.camera
         time = passes * (found.longer * camera.exposure_s + camera.frame_s) / (camera.exposure_s + camera.frame_s)
+        by_frames, by_light, by_time = (float(np.sqrt(part)) for part in (passes, light, time))
         return SetError(
             found.name, None, (width, step), found.frames, self.frames // found.frames * found.frames,
-            *(one * float(np.sqrt(part)) for part in (passes, light, time)), bound * float(np.sqrt(passes)),
-            _rest(one, exact) * float(np.sqrt(passes)),
+            one * by_frames, one * by_light, one * by_time, bound * by_frames, _rest(one, exact) * by_frames,
         )  # fmt: skip
 
     def bounds(self) -> tuple[float, float]:

@@ -9,6 +9,7 @@ width / (2 pi p) times as much. Several series together have the sum of their we
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -48,6 +49,7 @@ class Signal:
     amplitude_e: FloatArray
 
 
+@cache
 def emitted(gamma: float) -> tuple[float, float]:
     """Mean and amplitude of the first harmonic of a full-range sinusoid on a screen of that gamma: 1/2, 1/2 for 1."""
     t = TAU * (np.arange(PHASES) + 0.5) / PHASES

@@ -11,12 +11,12 @@ from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.curve_fit import MIN_SAMPLES, CurveFits, SampleNoise, covariances
 from irtscots_cl.measurement.curve_profiles import Profiles
-from irtscots_cl.measurement.curve_windows import line_pitch, place_windows
+from irtscots_cl.measurement.curve_windows import CurveWindows, line_pitch, place_windows
 from irtscots_cl.measurement.pattern_design.camera import DesignCamera
 from irtscots_cl.measurement.pattern_design.pixels import SeenPixels
 from irtscots_cl.scene.screen_shape import ScanLines
 
-CANDIDATES = ((1, 1), (2, 1), (2, 2), (3, 3), (4, 2), (5, 5), (8, 8), (12, 12), (20, 20))  # width, step [pixels]
+CANDIDATES = ((1, 1), (2, 2), (3, 3), (4, 2), (5, 5), (8, 8), (12, 12), (20, 20))  # width, step [pixels]
 LEAST_LINES = 2.0  # that the light of a typical pixel must cover: fewer do not tell its place
 
 
@@ -24,12 +24,14 @@ LEAST_LINES = 2.0  # that the light of a typical pixel must cover: fewer do not 
 class LineErrors:
     """Of a line scan of both axes. error_mm, bound_mm: [2, n] standard errors of the places along x and y and their
     Cramer-Rao bounds, from every line once, exposed until the brightest sample has as many electrons as a white
-    screen brings. frames: number of lines. longer: that exposure over the one for a white screen."""
+    screen brings; exact_mm: the errors without rounding to counts. frames: number of lines. longer: that exposure over
+    the one for a white screen."""
 
     width: int
     step: int
     error_mm: FloatArray
     bound_mm: FloatArray
+    exact_mm: FloatArray
     frames: int
     longer: float
 
@@ -58,23 +60,28 @@ def line_errors(seen: SeenPixels, camera: DesignCamera, width: int, step: int) -
     electrons = camera.electrons * seen.bright[:, None]
     peak = max(float((seen.bright[:, None] * share).max()) for _, _, share, _ in parts)
     longer = 1.0 / peak
-    errors, bounds = [], []
+    errors, bounds, exact = [], [], []
     for windows, place, share, by_place in parts:
         light, derivative = (np.where(windows.allowed, longer * electrons * part, 0.0) for part in (share, by_place))
         nothing = np.zeros(len(place))
         fits = CurveFits(
             place, longer * electrons[:, 0], nothing, nothing, light, derivative, np.zeros_like(light), nothing, nothing
         )
-        floor = np.full(len(place), camera.noise.read)
-        error, bound = covariances(windows, fits, SampleNoise(floor, camera.noise.gain), False)
         lit = (light > 0).sum(1) >= MIN_SAMPLES
+        error, bound = covariances(windows, fits, _noise(camera, len(place)), False)
         errors.append(np.where(lit & (error > 0), error, np.inf))
         bounds.append(np.where(lit, bound, np.inf))
+        error, _ = covariances(windows, fits, _noise(camera.without_rounding, len(place)), False)
+        exact.append(np.where(lit & (error > 0), error, np.inf))
     frames = sum(len(pattern.positions_mm(axis)) for axis in "xy")
-    return LineErrors(width, step, np.stack(errors), np.stack(bounds), frames, longer)
+    return LineErrors(width, step, np.stack(errors), np.stack(bounds), np.stack(exact), frames, longer)
 
 
-def _shares(seen: SeenPixels, pattern: LineScan, axis: int) -> tuple:
+def _noise(camera: DesignCamera, pixels: int) -> SampleNoise:
+    return SampleNoise(np.full(pixels, camera.noise.read), camera.noise.gain)
+
+
+def _shares(seen: SeenPixels, pattern: LineScan, axis: int) -> tuple[CurveWindows, FloatArray, FloatArray, FloatArray]:
     """Windows, places [n], shares of the light on the windows' lines [n, W] and their derivatives by place [1/mm]."""
     scene, name = seen.scene, "xy"[axis]
     columns, rows = scene.camera.detector.pixels

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 
-SAMPLE = 2000  # pixels
+SAMPLE = 500  # pixels: what they see varies smoothly over the mirror
 COVERAGE = 0.5  # least share of a pixel's footprint on the mirror, as in measuring
 LEAST_PERIODS, LEAST_PIXELS = 0.5, 6  # of the tables: fewest periods over the screen; fewest pixels of a period
 PERIODS = 64  # numbers of periods in the tables
@@ -63,18 +63,6 @@ class SeenPixels:
         table = self.modulation[axis]
         between: FloatArray = (1 - share) * table[k] + share * table[k + 1]
         return between
-
-    def thinned(self, count: int) -> SeenPixels:
-        """About so many of the pixels."""
-        some = slice(None, None, max(1, -(-len(self.bright) // count)))
-        return replace(
-            self,
-            light=PixelLight.of(self.light.chief, self.pixels[some]),
-            bright=self.bright[some],
-            place_mm=self.place_mm[:, some],
-            reach_mm=self.reach_mm[:, some],
-            modulation=self.modulation[:, :, some],
-        )
 
     @property
     def most_periods(self) -> float:

@@ -10,19 +10,20 @@ from irtscots_cl.maths.arrays import BoolArray
 from irtscots_cl.measurement.pattern_design.camera import DesignCamera
 from irtscots_cl.measurement.pattern_design.families import LOWEST, periods_of
 from irtscots_cl.measurement.pattern_design.fringe_errors import Fringes, phase_errors, place_errors_mm, signal_of
+from irtscots_cl.measurement.pattern_design.heights import HeightNoise
 from irtscots_cl.measurement.pattern_design.orders import wrong_orders
 from irtscots_cl.measurement.pattern_design.pixels import SeenPixels
 
 SAFE = 1e-6  # probability of wrong orders
 EXCEPT = 0.01  # share of the pixels that may be worse: they are told and left out
-PER_DECADE = 24  # highest numbers of periods that are tried
+PER_DECADE = 16  # highest numbers of periods that are tried
 ROUNDS = 10  # of halving the gap between the highest safe one and the next
 
 
 @dataclass(frozen=True)
 class SafePeriods:
     """found: whether any set is safe. highest: most periods of one that is; why: what forbids more. best: the periods
-    of the safe set with the least error of places, or of the least periods tried where none is."""
+    of the safe set with the least height error, or of the least periods tried where none is."""
 
     found: bool
     highest: float
@@ -32,15 +33,21 @@ class SafePeriods:
 
 @dataclass(frozen=True)
 class _Tried:
-    """One set. bad: "" for a safe one, else why not. error: rms of the places' errors over both axes, in mm."""
+    """One set. bad: "" for a safe one, else why not. nm: its height error."""
 
     fringes: Fringes
     bad: str
-    error: float
+    nm: float
 
 
 def highest_safe(
-    seen: SeenPixels, camera: DesignCamera, kind: Fringes, frames: int, limit: float = SAFE, gamma: float = 1.0
+    seen: SeenPixels,
+    camera: DesignCamera,
+    kind: Fringes,
+    frames: int,
+    heights: HeightNoise,
+    limit: float = SAFE,
+    gamma: float = 1.0,
 ) -> SafePeriods:
     """Search sets of the kind's family, series and steps by their highest number of periods.
 
@@ -58,13 +65,15 @@ def highest_safe(
         highest = np.geomspace(least, most, count)
 
     def tried(top: float) -> _Tried:
-        return _try(seen, camera, replace(kind, periods=periods_of(kind.family, series, top)), frames, limit, gamma)
+        return _try(
+            seen, camera, replace(kind, periods=periods_of(kind.family, series, top)), frames, heights, limit, gamma
+        )
 
     all_tried = [tried(float(top)) for top in highest]
     safe = [k for k, one in enumerate(all_tried) if not one.bad]
     if not safe:
         return SafePeriods(False, 0.0, all_tried[0].bad, all_tried[0].fringes.periods)
-    best = min((all_tried[k] for k in safe), key=lambda one: one.error)
+    best = min((all_tried[k] for k in safe), key=lambda one: one.nm)
     last = safe[-1]
     if last + 1 == len(highest):
         why = "one series needs less than one period" if series == 1 else "the screen's pixels"
@@ -76,25 +85,30 @@ def highest_safe(
             high, why = float(np.sqrt(low * high)), middle.bad
         else:
             low = float(np.sqrt(low * high))
-            best = min(best, middle, key=lambda one: one.error)
+            best = min(best, middle, key=lambda one: one.nm)
     return SafePeriods(True, periods_of(kind.family, series, low)[-1], why, best.fringes.periods)
 
 
 def _try(
-    seen: SeenPixels, camera: DesignCamera, fringes: Fringes, frames: int, limit: float, gamma: float
+    seen: SeenPixels,
+    camera: DesignCamera,
+    fringes: Fringes,
+    frames: int,
+    heights: HeightNoise,
+    limit: float,
+    gamma: float,
 ) -> _Tried:
-    squares, ambiguous, dark = 0.0, np.zeros(len(seen.bright), bool), np.zeros(len(seen.bright), bool)
+    places, ambiguous, dark = [], np.zeros(len(seen.bright), bool), np.zeros(len(seen.bright), bool)
     for axis in range(2):
         errors = phase_errors(seen, camera, axis, fringes, frames, gamma)
         ambiguous |= wrong_orders(fringes.periods, errors, seen.fraction(axis)) > limit
         dark |= too_dark(seen, camera, axis, fringes.periods, gamma)
-        place = place_errors_mm(seen, axis, fringes.periods, errors)
-        squares += float(np.median(place)) ** 2
+        places.append(place_errors_mm(seen, axis, fringes.periods, errors))
     if dark.mean() > EXCEPT:
         return _Tried(fringes, "modulation", np.inf)
     if ambiguous.mean() > EXCEPT:
         return _Tried(fringes, "ambiguity", np.inf)
-    return _Tried(fringes, "", float(np.sqrt(squares)))
+    return _Tried(fringes, "", heights.nm(np.stack(places)))
 
 
 def too_dark(
