@@ -33,8 +33,8 @@ SAMPLE = 8000  # pixels
 @dataclass(frozen=True)
 class LightPhases:
     """Of fringes' series: difference_rad, the phase of the design's light less that of its centroid; modulation, the
-    amplitude over that of a point's light; both [series, rows, columns] upright, or [series, n] of some pixels, NaN where
-    the light is not known."""
+    amplitude over that of a point's light; both [series, rows, columns] upright, or [series, n] of some pixels, NaN
+    where the light is not known."""
 
     difference_rad: FloatArray = field(repr=False)
     modulation: FloatArray = field(repr=False)

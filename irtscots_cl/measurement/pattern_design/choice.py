@@ -112,7 +112,7 @@ def design_patterns(
         camera = camera_of(table, seen.white_share * whole_flux_w(setup.chief_rays), **given)
     gamma = 1.0 if response is None else float(response.gamma)
     first = Fringes("", (0.9, max(0.9, min(seen.most_periods, _precise(seen)))), 4)
-    heights = height_noise(setup, seen, _fringe_places(seen, camera, first, frames, gamma, phase_errors))
+    heights = height_noise(setup, seen, _fringe_places(seen, camera, first, frames, gamma))
     judge = _Judge(seen, camera, heights, frames, limit, gamma)
     sets = [judge.of_fringes(kind) for kind in families(frames)]
     sets += [judge.of_lines(*kind) for kind in line_candidates(seen)]
@@ -139,11 +139,15 @@ def _precise(seen: SeenPixels) -> float:
 
 
 def _fringe_places(
-    seen: SeenPixels, camera: DesignCamera, fringes: Fringes, frames: float, gamma: float, errors_of: Any
+    seen: SeenPixels, camera: DesignCamera, fringes: Fringes, frames: float, gamma: float, bound: bool = False
 ) -> FloatArray:
-    """Errors [2, n] of the places by phase_errors or phase_bounds."""
+    """Errors [2, n] of the places as the measurement weighs the series, or their Cramer-Rao bounds."""
+    of_phases = phase_bounds if bound else phase_errors
     return np.stack([
-        place_errors_mm(seen, k, fringes.periods, errors_of(seen, camera, k, fringes, frames, gamma)) for k in range(2)
+        place_errors_mm(
+            seen, k, fringes.periods, of_phases(seen, camera, k, fringes, frames, gamma), fringes.alike and not bound
+        )
+        for k in range(2)
     ])  # fmt: skip
 
 
@@ -166,10 +170,10 @@ class _Judge:
         safe = self._safe(kind, used)
         fringes = replace(kind, periods=safe.best)
         nm, exact = (
-            self.heights.nm(_fringe_places(self.seen, camera, fringes, self.frames, self.gamma, phase_errors))
+            self.heights.nm(_fringe_places(self.seen, camera, fringes, self.frames, self.gamma))
             for camera in (self.camera, self.camera.without_rounding)
         )
-        bound = _fringe_places(self.seen, self.camera, fringes, self.frames, self.gamma, phase_bounds)
+        bound = _fringe_places(self.seen, self.camera, fringes, self.frames, self.gamma, bound=True)
         wrong = np.zeros(len(self.seen.bright))
         for k in range(2):
             errors = phase_errors(self.seen, self.camera, k, fringes, used, self.gamma)

@@ -37,6 +37,11 @@ class Fringes:
         return 2 * self.steps * len(self.periods)
 
     @property
+    def alike(self) -> bool:
+        """Whether the measurement weighs all series alike: three steps leave nothing to tell the noise from."""
+        return self.steps == 3
+
+    @property
     def name(self) -> str:
         return f"{len(self.periods)} x {self.steps} steps" + (f", {self.family}" if len(self.periods) > 1 else "")
 
@@ -109,9 +114,18 @@ def phase_bounds(
     return np.stack(bounds)
 
 
-def place_errors_mm(seen: SeenPixels, axis: int, periods: tuple[float, ...], errors_rad: FloatArray) -> FloatArray:
-    """Standard errors [n] in mm of the place, all series weighed by their errors [series, n]; orders are known."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        weight = np.square(TAU * np.array(periods)[:, None] / errors_rad).sum(0)
-        errors: FloatArray = seen.width_mm(axis) / np.sqrt(weight)
-    return errors
+def place_errors_mm(
+    seen: SeenPixels, axis: int, periods: tuple[float, ...], errors_rad: FloatArray, alike: bool = False
+) -> FloatArray:
+    """Standard errors [n] in mm of the place from phases with these errors [series, n]; orders are known.
+
+    The series are weighed by their errors; alike: as if all had the same, which is all that is known of three steps.
+    """
+    p = np.array(periods)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        if alike:
+            errors = np.sqrt(np.square(p * errors_rad).sum(0)) / np.square(p).sum(0)
+        else:
+            errors = 1 / np.sqrt(np.square(p / errors_rad).sum(0))
+    mm: FloatArray = seen.width_mm(axis) / TAU * errors
+    return mm

@@ -22,7 +22,8 @@ ROUNDS = 10  # of halving the gap between the highest safe one and the next
 
 @dataclass(frozen=True)
 class SafePeriods:
-    """found: whether any set is safe. highest: most periods of one that is; why: what forbids more. best: the periods
+    """found: whether any set is safe. highest: most periods of one that is; why: what forbids more: modulation,
+    ambiguity, screen pixels, or that the phase of one series must tell one place. best: the periods
     of the safe set with the least height error, or of the least periods tried where none is."""
 
     found: bool
@@ -32,7 +33,7 @@ class SafePeriods:
 
 
 @dataclass(frozen=True)
-class _Tried:
+class Tried:
     """One set. bad: "" for a safe one, else why not. nm: its height error."""
 
     fringes: Fringes
@@ -60,27 +61,27 @@ def highest_safe(
     else:
         least = 1.5 * LOWEST
         if most <= least:
-            return SafePeriods(False, 0.0, "the screen's pixels", periods_of(kind.family, series, least))
+            return SafePeriods(False, 0.0, "screen pixels", periods_of(kind.family, series, least))
         count = max(2, int(np.ceil(PER_DECADE * np.log10(most / least))) + 1)
         highest = np.geomspace(least, most, count)
 
-    def tried(top: float) -> _Tried:
-        return _try(
+    def of_highest(top: float) -> Tried:
+        return tried(
             seen, camera, replace(kind, periods=periods_of(kind.family, series, top)), frames, heights, limit, gamma
         )
 
-    all_tried = [tried(float(top)) for top in highest]
+    all_tried = [of_highest(float(top)) for top in highest]
     safe = [k for k, one in enumerate(all_tried) if not one.bad]
     if not safe:
         return SafePeriods(False, 0.0, all_tried[0].bad, all_tried[0].fringes.periods)
     best = min((all_tried[k] for k in safe), key=lambda one: one.nm)
     last = safe[-1]
     if last + 1 == len(highest):
-        why = "one series needs less than one period" if series == 1 else "the screen's pixels"
+        why = "one place" if series == 1 else "screen pixels"
         return SafePeriods(True, all_tried[last].fringes.periods[-1], why, best.fringes.periods)
     low, high, why = float(highest[last]), float(highest[last + 1]), all_tried[last + 1].bad
     for _ in range(ROUNDS):
-        middle = tried(float(np.sqrt(low * high)))
+        middle = of_highest(float(np.sqrt(low * high)))
         if middle.bad:
             high, why = float(np.sqrt(low * high)), middle.bad
         else:
@@ -89,7 +90,7 @@ def highest_safe(
     return SafePeriods(True, periods_of(kind.family, series, low)[-1], why, best.fringes.periods)
 
 
-def _try(
+def tried(
     seen: SeenPixels,
     camera: DesignCamera,
     fringes: Fringes,
@@ -97,18 +98,16 @@ def _try(
     heights: HeightNoise,
     limit: float,
     gamma: float,
-) -> _Tried:
+) -> Tried:
+    """One set, recorded in so many frames of both axes."""
     places, ambiguous, dark = [], np.zeros(len(seen.bright), bool), np.zeros(len(seen.bright), bool)
     for axis in range(2):
         errors = phase_errors(seen, camera, axis, fringes, frames, gamma)
         ambiguous |= wrong_orders(fringes.periods, errors, seen.fraction(axis)) > limit
         dark |= too_dark(seen, camera, axis, fringes.periods, gamma)
-        places.append(place_errors_mm(seen, axis, fringes.periods, errors))
-    if dark.mean() > EXCEPT:
-        return _Tried(fringes, "modulation", np.inf)
-    if ambiguous.mean() > EXCEPT:
-        return _Tried(fringes, "ambiguity", np.inf)
-    return _Tried(fringes, "", heights.nm(np.stack(places)))
+        places.append(place_errors_mm(seen, axis, fringes.periods, errors, fringes.alike))
+    why = "modulation" if dark.mean() > EXCEPT else "ambiguity" if ambiguous.mean() > EXCEPT else ""
+    return Tried(fringes, why, heights.nm(np.stack(places)))
 
 
 def too_dark(

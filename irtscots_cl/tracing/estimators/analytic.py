@@ -12,8 +12,8 @@ import numpy as np
 
 from irtscots_cl.opencl.structs import Fate
 from irtscots_cl.optics.chief_rays import check_visible
-from irtscots_cl.optics.pixel.ray_map import RAYS
 from irtscots_cl.optics.pixel.light import whole_flux_w
+from irtscots_cl.optics.pixel.ray_map import RAYS
 from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.optics.screen_windows import Windows
 from irtscots_cl.optics.setup import Setup
