@@ -20,7 +20,8 @@ def add(commands) -> None:
         "say which patterns suit a test and its camera, in nanometres, before there are any images",
         "Prints the rms height error that the camera's noise makes with line scans and with fringes of several series, "
         "at equal frames, equal light and equal time, against the Cramer-Rao bound; how many periods the highest "
-        "series may have; and the command that writes the best pictures. Only the scene's design is used, and no device.",
+        "series may have; and the command that writes the best pictures. Only the scene's design is used, and no "
+        "device.",
     )
     add_scene(parser)
     parser.add_argument(

@@ -145,6 +145,7 @@ def advice(found: PatternDesign, scene: str) -> list[str]:
 def write_design_figure(found: PatternDesign, folder: Path) -> str:
     """Height error against the highest number of periods, with the bounds, as a PNG file in the folder; its name."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     figure = Figure(figsize=(8, 5), layout="tight")
     axes = figure.subplots()
@@ -158,6 +159,10 @@ def write_design_figure(found: PatternDesign, folder: Path) -> str:
     axes.axhline(found.bound_frames_nm, color="k", linestyle=":", label="Cramer-Rao bound of any pattern")
     axes.set(xlabel="highest number of periods over the screen", ylabel="rms height error, nm",
              title=f"{found.scene.name}, {found.frames} frames; dashed: not safe")  # fmt: skip
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
     axes.grid(True, which="both", alpha=0.3)
     axes.legend(fontsize=8)
     with replacing(folder / NAME) as temporary:

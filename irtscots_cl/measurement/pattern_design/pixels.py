@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -27,7 +28,8 @@ class SeenPixels:
     light: of these pixels. bright: [n] light under a white screen over that of the brightest. place_mm, reach_mm:
     [2, n] centroids of the light along the screen's x and y, and its half-extents. white_share: of the brightest, as a
     share (optics/pixel). usable: [rows, columns] of all such pixels.
-    periods: [m]; modulation: [2, m, n] what the light leaves of sinusoids of so many periods along x and y.
+    periods: [m]; modulation: [2, m, n] what the light leaves of sinusoids of so many periods along x and y;
+    inverted: [2, m, n] whether it turns them by more than a quarter of a period.
     """
 
     scene: Scene
@@ -39,6 +41,7 @@ class SeenPixels:
     usable: BoolArray = field(repr=False)
     periods: FloatArray = field(repr=False)
     modulation: FloatArray = field(repr=False)
+    inverted: BoolArray = field(repr=False)
 
     @property
     def pixels(self) -> IntArray:
@@ -58,9 +61,21 @@ class SeenPixels:
 
     def modulation_at(self, axis: int, periods: float) -> FloatArray:
         """Modulation [n] at a number of periods, between those of the table by a straight line in p."""
+        return self._between(self.modulation[axis], periods)
+
+    def least_modulation_at(self, axis: int, periods: float) -> FloatArray:
+        """The least modulation [n] of all fewer periods, negative beyond a zero of it: the fringes are inverted there
+        and, a little before and after, gone."""
+        return self._between(self._least[axis], periods)
+
+    @cached_property
+    def _least(self) -> FloatArray:
+        least: FloatArray = np.minimum.accumulate(np.where(self.inverted, -self.modulation, self.modulation), axis=1)
+        return least
+
+    def _between(self, table: FloatArray, periods: float) -> FloatArray:
         k = int(np.clip(np.searchsorted(self.periods, periods) - 1, 0, len(self.periods) - 2))
         share = (periods - self.periods[k]) / (self.periods[k + 1] - self.periods[k])
-        table = self.modulation[axis]
         between: FloatArray = (1 - share) * table[k] + share * table[k + 1]
         return between
 
@@ -91,17 +106,19 @@ def seen_pixels(setup: Setup) -> SeenPixels:
         light = PixelLight.of(chief, light.pixels[known])
     most = max(float(min(scene.screen.pixels)) / LEAST_PIXELS, 1.0)
     periods = np.geomspace(LEAST_PERIODS, most, PERIODS)
-    modulation = [_modulation(light, scene, axis, means[axis, known], periods) for axis in range(2)]
+    tables = [_modulation(light, scene, axis, means[axis, known], periods) for axis in range(2)]
     return SeenPixels(
         scene, light, white[known] / white[known].max(), means[:, known], np.stack([reach_u, reach_v])[:, known],
-        float(white[known].max()), on_mirror, periods, np.stack(modulation),
+        float(white[known].max()), on_mirror, periods, *map(np.stack, zip(*tables, strict=True)),
     )  # fmt: skip
 
 
-def _modulation(light: PixelLight, scene: Scene, axis: int, place_mm: FloatArray, periods: FloatArray) -> FloatArray:
+def _modulation(
+    light: PixelLight, scene: Scene, axis: int, place_mm: FloatArray, periods: FloatArray
+) -> tuple[FloatArray, BoolArray]:
     fringes = FringeSet.equal("xy"[axis], tuple(periods), 3)
     found = phases_of_light(light, scene.screen, fringes, place_mm)
-    return np.asarray(np.nan_to_num(found.modulation), float)
+    return np.nan_to_num(found.modulation), np.cos(np.nan_to_num(found.difference_rad)) < 0
 
 
 def _on_screen(setup: Setup) -> BoolArray:

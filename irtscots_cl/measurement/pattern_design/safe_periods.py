@@ -9,7 +9,13 @@ import numpy as np
 from irtscots_cl.maths.arrays import BoolArray
 from irtscots_cl.measurement.pattern_design.camera import DesignCamera
 from irtscots_cl.measurement.pattern_design.families import LOWEST, periods_of
-from irtscots_cl.measurement.pattern_design.fringe_errors import Fringes, phase_errors, place_errors_mm, signal_of
+from irtscots_cl.measurement.pattern_design.fringe_errors import (
+    Fringes,
+    emitted,
+    phase_errors,
+    place_errors_mm,
+    signal_of,
+)
 from irtscots_cl.measurement.pattern_design.heights import HeightNoise
 from irtscots_cl.measurement.pattern_design.orders import wrong_orders
 from irtscots_cl.measurement.pattern_design.pixels import SeenPixels
@@ -113,9 +119,13 @@ def tried(
 def too_dark(
     seen: SeenPixels, camera: DesignCamera, axis: int, periods: tuple[float, ...], gamma: float = 1.0
 ) -> BoolArray:
-    """Pixels [n] in which the amplitude of some series is not above the noise of a single frame."""
-    bad = np.zeros(len(seen.bright), bool)
-    for one in periods:
-        signal = signal_of(seen, camera, axis, one, gamma)
-        bad |= ~(signal.amplitude_e > np.sqrt(camera.noise.variance(signal.offset_e)))
-    return bad
+    """Pixels [n] in which the amplitude is not above the noise of a single frame, at these numbers of periods or fewer.
+
+    Beyond a zero of the modulation fringes come back inverted, but a pixel that sees a little more of the screen than
+    the design says does not see them.
+    """
+    highest = max(periods)
+    signal = signal_of(seen, camera, axis, highest, gamma)
+    least = camera.electrons * seen.bright * emitted(gamma)[1] * seen.least_modulation_at(axis, highest)
+    dark: BoolArray = ~(least > np.sqrt(camera.noise.variance(signal.offset_e)))
+    return dark
