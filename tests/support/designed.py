@@ -30,6 +30,13 @@ def setup_of(name: str, pixels: int) -> Setup:
     return Setup(coarse(name, pixels).nominal())
 
 
+@cache
+def wide_sphere(pixels: int = 41) -> Setup:
+    """The sphere with a screen of 20 x 20 mm in fine pixels: room for many periods."""
+    scene = coarse("sphere", pixels).nominal()
+    return Setup(replace(scene, screen=replace(scene.screen, pixels=(401, 401), pitch_mm=0.05)))
+
+
 def fringe_images(setup: Setup, periods, steps: int, gamma: float = 1.0) -> FringeStack:
     """Clean images in shares of the brightest white pixel."""
     sets = tuple(FringeSet.equal(axis, periods, steps) for axis in "xy")

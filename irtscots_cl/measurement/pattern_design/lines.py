@@ -17,7 +17,7 @@ from irtscots_cl.measurement.pattern_design.pixels import SeenPixels
 from irtscots_cl.scene.screen_shape import ScanLines
 
 CANDIDATES = ((1, 1), (2, 2), (3, 3), (4, 2), (5, 5), (8, 8), (12, 12), (20, 20))  # width, step [pixels]
-LEAST_LINES = 2.0  # that the light of a typical pixel must cover: fewer do not tell its place
+LEAST_LINES = 3.0  # that the light of a typical pixel must cover: on fewer, gains of frames pass for shifts
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from designed import CAMERA, fringe_scatter_nm, line_scatter_nm, setup_of
+from designed import CAMERA, fringe_scatter_nm, line_scatter_nm, setup_of, wide_sphere
 
 import irtscots_cl as irt
 from irtscots_cl.measurement.pattern_design.choice import design_patterns
+from irtscots_cl.measurement.pattern_design.lines import line_errors
 from irtscots_cl.scene.detector_noise import DetectorNoise
 from irtscots_cl.scene.screen_response import ScreenResponse
 
@@ -53,13 +54,12 @@ def test_predicted_nm_within_a_tenth(sphere, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lines", [(1, 1), (2, 2)])
-def test_predicted_nm_of_line_scans_within_a_tenth(sphere, lines):
-    from irtscots_cl.measurement.pattern_design.lines import line_errors
-
-    one = next(s for s in sphere.sets if s.lines == lines)
-    longer = line_errors(sphere.seen, CAMERA, *lines).longer
-    nm, sigma = line_scatter_nm(setup_of("sphere", 31), sphere.seen.usable, *lines, longer, 20)
+@pytest.mark.parametrize(("setup", "lines"), [(setup_of("sphere", 31), (1, 1)), (wide_sphere(31), (5, 5))])
+def test_predicted_nm_of_line_scans_within_a_tenth(setup, lines):
+    found = design_patterns(setup, frames=42, camera=CAMERA)
+    one = next(s for s in found.sets if s.lines == lines)
+    longer = line_errors(found.seen, CAMERA, *lines).longer
+    nm, sigma = line_scatter_nm(setup, found.seen.usable, *lines, longer, 20)
     scale = np.sqrt(42 / one.frames)
     assert abs(nm / (one.nm_frames * scale) - 1) < 0.1
     assert nm > one.nm_bound * scale * (1 - 3 * sigma - 0.03)
