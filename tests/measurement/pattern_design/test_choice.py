@@ -54,6 +54,21 @@ def test_predicted_nm_within_a_tenth(sphere, name):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["3 x 5 steps, beats", "2 x 8 steps, geometric"])
+def test_predicted_nm_of_many_periods_within_a_tenth(name):
+    """Orders are told by ratios of periods up to 7, or by beats alone."""
+    setup = wide_sphere(31)
+    found = design_patterns(setup, frames=32, camera=CAMERA)
+    one = named(found, name)
+    assert one.fringes.periods[-1] > 5
+    times = one.used // one.frames
+    nm, sigma = fringe_scatter_nm(setup, found.seen.usable, one.fringes.periods, one.fringes.steps, times, 20)
+    scale = np.sqrt(32 / one.used)
+    assert abs(nm / (one.nm_frames * scale) - 1) < 0.1
+    assert nm > one.nm_bound * scale * (1 - 3 * sigma - 0.03)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("setup", "lines"), [(setup_of("sphere", 31), (1, 1)), (wide_sphere(31), (5, 5))])
 def test_predicted_nm_of_line_scans_within_a_tenth(setup, lines):
     found = design_patterns(setup, frames=42, camera=CAMERA)
@@ -79,6 +94,9 @@ def test_fringes_are_equal_at_equal_frames_light_and_time(sphere):
     assert one.nm_frames == one.nm_light == one.nm_time
     lines = next(s for s in sphere.sets if s.lines == (1, 1))
     assert lines.frames == 42 and lines.nm_light > lines.nm_time > lines.nm_frames  # a line needs a longer exposure
+    # the middle line of 0.2 mm has this share of the light of a disk with a radius of 0.5 mm
+    share = 2 / np.pi * (0.2 * np.sqrt(1 - 0.2**2) + np.arcsin(0.2))
+    assert (lines.nm_light / lines.nm_frames) ** 2 == pytest.approx(1 / share, rel=0.03)
 
 
 def test_the_best_fits_and_leaves_residuals(sphere):
