@@ -51,6 +51,7 @@ _PUBLIC = {
     "calibrate": "calibration.calibrate",
     "check_images": "measurement.quality",
     "compare": "analysis.comparison",
+    "design_patterns": "measurement.pattern_design.choice",
     "error_bars": "measurement.error_bars",
     "error_terms": "analysis.error_terms",
     "estimate_centroids": "measurement.scan_estimates",
@@ -93,6 +94,7 @@ if TYPE_CHECKING:
     from irtscots_cl.maths.zernike.polynomials import zernike as zernike
     from irtscots_cl.measurement.error_bars import error_bars as error_bars
     from irtscots_cl.measurement.methods import measure_by as measure_by
+    from irtscots_cl.measurement.pattern_design.choice import design_patterns as design_patterns
     from irtscots_cl.measurement.quality import check_images as check_images
     from irtscots_cl.measurement.reconstruction import reconstruct as reconstruct
     from irtscots_cl.measurement.refinement import refine as refine

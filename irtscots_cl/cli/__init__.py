@@ -16,6 +16,7 @@ from typing import NoReturn
 from irtscots_cl.cli import (
     bench,
     calibrate,
+    design_patterns,
     devices,
     identify,
     kernel,
@@ -40,7 +41,8 @@ from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
 COMMANDS = (
-    run, scenes, devices, kernel, paths, patterns, reconstruct, calibrate, identify, reproduce, bench, stability,
+    run, scenes, devices, kernel, paths, design_patterns, patterns, reconstruct, calibrate, identify, reproduce, bench,
+    stability,
 )  # fmt: skip
 
 

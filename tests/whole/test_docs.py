@@ -14,7 +14,7 @@ README = ROOT / "README.md"
 DOCUMENTS = [README, *sorted((ROOT / "docs").glob("*.md"))]
 MAX_README_LINES, MAX_COLUMNS = 150, 120
 TEXTS = {path: path.read_text(encoding="utf-8") for path in DOCUMENTS}
-NAMES = {command.__name__.rsplit(".", 1)[-1] for command in COMMANDS}
+NAMES = {command.__name__.rsplit(".", 1)[-1].replace("_", "-") for command in COMMANDS}
 
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 COMMAND = re.compile(r"\birtscots ([a-z][a-z-]*)")

@@ -79,3 +79,11 @@ class PixelLight:
         for index, of_part in found:
             values[..., index] = of_part
         return values
+
+
+def whole_flux_w(chief: ChiefRays) -> float:
+    """Flux in W of a pixel on the lens's axis that sees nothing but the mirror and the screen in it: a share of 1."""
+    scene = chief.scene
+    area = np.pi / 4 * scene.camera.aperture_diameter_mm**2 * chief.camera_model.pixel_area_mm2
+    gain = scene.screen.radiance * scene.mirror.reflectance * scene.camera.transmittance
+    return float(gain * area / scene.camera.image_distance_mm**2)

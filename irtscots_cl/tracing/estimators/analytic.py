@@ -12,6 +12,7 @@ import numpy as np
 
 from irtscots_cl.opencl.structs import Fate
 from irtscots_cl.optics.chief_rays import check_visible
+from irtscots_cl.optics.pixel.light import whole_flux_w
 from irtscots_cl.optics.pixel.ray_map import RAYS
 from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.optics.screen_windows import Windows
@@ -39,13 +40,12 @@ def trace_analytic(setup: Setup) -> LineLight:
     windows, pixels = setup.windows(MARGIN), setup.pixel_response
     fate = _fates(pixels, windows)
     _check_closed_form(scene.name, pixels, fate)
-    area = np.pi / 4 * scene.camera.aperture_diameter_mm**2 * setup.chief_rays.camera_model.pixel_area_mm2
-    gain = scene.screen.radiance * scene.mirror.reflectance * scene.camera.transmittance
+    flux_w = whole_flux_w(setup.chief_rays)
     flux = {}
     for k, output in enumerate("uv"):
         share = pixels.light(output, window_edges_mm(scene, windows, k))
         share = np.where((fate == Fate.DETECTED)[:, None], np.maximum(share, 0.0), 0.0)  # rounding left of no light
-        flux["xy"[k]] = share[None] * (gain * area / scene.camera.image_distance_mm**2)
+        flux["xy"[k]] = share[None] * flux_w
     count = np.bincount(fate, minlength=len(Fate)) * RAYS
     seconds = {"build": 0.0, "trace": time.perf_counter() - started, "kernels": 0.0}
     options = TraceOptions(ANALYTIC, precision="fp64")
