@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from irtscots_cl.formats.height_map import HeightMap
 from irtscots_cl.maths.arrays import FloatArray
@@ -41,7 +42,7 @@ def term_nm(name: str, number: int) -> tuple[int, int]:
     return order, order - 2 * (number - first)
 
 
-def terms(name: str, count: int, x: FloatArray, y: FloatArray) -> FloatArray:
+def terms(name: str, count: int, x: ArrayLike, y: ArrayLike) -> FloatArray:
     """Values [terms, samples] of the first `count` terms, 1 at the rim."""
     rows = []
     for number in range(1, count + 1):

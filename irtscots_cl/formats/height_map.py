@@ -115,14 +115,16 @@ class HeightMap:
         if axes not in FLIPS:
             raise ValueError(f"flip = {axes!r}: must be one of {', '.join(FLIPS)}")
         steps = (-1 if "y" in axes else 1, -1 if "x" in axes else 1)
-        centre = (self.centre_mm[0] * steps[1], self.centre_mm[1] * steps[0])
+        centre = (self.centre_mm[0] * steps[1] + 0.0, self.centre_mm[1] * steps[0] + 0.0)  # no -0.0
         return self._turned(lambda a: a[..., :: steps[0], :: steps[1]], self.pitch_mm, centre)
 
     def rotated(self) -> HeightMap:
         """The map turned by a quarter, counterclockwise as seen with x to the right and y up."""
         pitch = None if self.pitch_mm is None else self.pitch_mm[::-1]
         # (x, y) goes to (-y, x): the columns of the new map are the old rows, from the last to the first
-        return self._turned(lambda a: a.swapaxes(-2, -1)[..., ::-1], pitch, (-self.centre_mm[1], self.centre_mm[0]))
+        return self._turned(
+            lambda a: a.swapaxes(-2, -1)[..., ::-1], pitch, (0.0 - self.centre_mm[1], self.centre_mm[0])
+        )
 
     def _turned(self, turn: Any, pitch: tuple[float, float] | None, centre: tuple[float, float]) -> HeightMap:
         intensity = None if self.intensity is None else np.ascontiguousarray(turn(self.intensity))

@@ -55,6 +55,8 @@ def read_map_table(path: Path, options: MapOptions) -> HeightMap:
         kind = said.get("kind")
         if kind not in (None, *KINDS):
             raise ValueError(f"{path}: kind = {short(kind or '')}: must be {' or '.join(KINDS)}")
+        pitch: tuple[float, float] | None
+        middle: tuple[float, float] | None
         xyz = table.shape[1] == 3 and len(table) > 3 and said.get("columns") != "heights"
         if xyz:
             heights, pitch, middle = _gridded(table, str(path), _grid_said(said, found))

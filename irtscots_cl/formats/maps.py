@@ -22,6 +22,8 @@ FORMATS = (
     "zygo-dat", "zygo-datx", "codev", "codev-zfr", "codev-zrn", "zemax", "fits", "tiff", "csv", "xyz", "npz", "npy",
     "sdf", "x3p",
 )  # fmt: skip
+WITH_INTENSITY = ("zygo-dat", "zygo-datx")
+WITH_CENTRE = ("zemax", "fits", "tiff", "csv", "xyz", "npz")
 WITH_UNIT = ("fits", "tiff", "csv", "xyz", "npy")  # formats whose heights may be in several units
 _OTHERS = {
     b"Zygo ASCII Data File": "MetroPro's ASCII: save it as .dat (binary) or .datx",
@@ -122,6 +124,21 @@ def write_map(
         raise ValueError(f"{path}: the map has no valid height")
     if not path.parent.is_dir():
         raise ValueError(f"{path}: there is no folder {path.parent}")
+    return (*_written(path, height_map, form, unit, terms), *_lost(height_map, form))
+
+
+def _lost(height_map: HeightMap, form: str) -> tuple[str, ...]:
+    """Notes on what a format has no place for."""
+    notes: tuple[str, ...] = ()
+    if height_map.intensity is not None and form not in WITH_INTENSITY:
+        notes += (f"{len(height_map.intensity)} intensity frames are not written",)
+    if height_map.centre_mm != (0.0, 0.0) and form not in WITH_CENTRE:
+        x, y = height_map.centre_mm
+        notes += (f"the map's centre, at {x:g}, {y:g} mm, is not written",)
+    return notes
+
+
+def _written(path: Path, height_map: HeightMap, form: str, unit: str | None, terms: int) -> tuple[str, ...]:
     if form in ("codev-zfr", "codev-zrn"):
         from irtscots_cl.formats.codev_int import write_codev_zernike
 
