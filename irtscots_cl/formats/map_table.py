@@ -23,7 +23,8 @@ from irtscots_cl.system.atomic_files import replacing
 
 MISSING = dict.fromkeys(("", "nan", "-nan", "na", "n/a", "bad", "none", "null", "no data", "nodata", "--"), np.nan)
 KEYS = ("unit", "pitch_mm", "wavelength_nm", "kind", "centre_mm", "first_row", "columns", "shape")
-GRID_TOLERANCE = 1e-3  # of the pitch, that places of an XYZ file may be off their grid
+NOISE_JUMP = 50.0  # from steps that are noise on equal places to steps of a grid
+GRID_TOLERANCE = 0.1  # of the pitch, that places of an XYZ file may be off their grid: noise, few decimals
 
 
 def is_table(path: Path) -> bool:
@@ -159,7 +160,7 @@ def _grid_said(said: dict[str, str], found: Findings) -> _Grid | None:
     if pitch is None or centre is None or shape is None:
         return None
     if not all(p > 0 for p in pitch) or not all(1 <= n <= MAX_FRAME_VALUES for n in shape):
-        raise ValueError(f"{found.where}: pitch_mm and shape must be above 0")
+        raise ValueError(f"{found.where}: pitch_mm and shape must be above 0, the shape at most {MAX_FRAME_VALUES}")
     return pitch, centre, (int(shape[1]), int(shape[0]))
 
 
@@ -191,17 +192,25 @@ def _axis(places: FloatArray, where: str, name: str) -> tuple[float, float, int]
     steps = np.diff(ordered)
     if not steps.size:
         raise ValueError(f"{where}: all points have the same {name}: no map")
-    wide = steps[steps > 0.01 * np.median(steps)]
     span = float(ordered[-1] - ordered[0])
-    count = int(min(np.rint(span / wide.min()), MAX_FRAME_VALUES)) + 1
+    count = int(min(np.rint(span / _pitch(np.sort(steps))), MAX_FRAME_VALUES)) + 1
     return span / (count - 1), float((ordered[0] + ordered[-1]) / 2), count
+
+
+def _pitch(steps: FloatArray) -> float:
+    """The pitch behind ascending steps between places: those far below the others are noise on the places."""
+    with np.errstate(divide="ignore"):
+        jumps = steps[1:] / steps[:-1]
+    if jumps.size and jumps.max() > NOISE_JUMP:
+        steps = steps[int(np.argmax(jumps)) + 1 :]
+    return float(np.median(steps[steps < 1.5 * steps[0]]))
 
 
 def _numbers_on(places: FloatArray, pitch: float, centre: float, count: int, where: str) -> NDArray[np.intp]:
     """The number on an even grid of each place."""
     index = (places - centre) / pitch + (count - 1) / 2
     nearest = np.rint(index)
-    if not (np.abs(index - nearest).max() <= GRID_TOLERANCE * count and nearest.min() >= 0 and nearest.max() < count):
+    if not (np.abs(index - nearest).max() <= GRID_TOLERANCE and nearest.min() >= 0 and nearest.max() < count):
         raise ValueError(f"{where}: places are not on a grid of even steps; interpolate them first")
     return nearest.astype(np.intp)
 
