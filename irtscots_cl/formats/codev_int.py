@@ -18,7 +18,7 @@ import numpy as np
 from irtscots_cl.formats.codev_zernike import DEFAULT_SAMPLES, NAMES, Disk, fitted, samples_of
 from irtscots_cl.formats.frames import check_size, reading
 from irtscots_cl.formats.height_map import SURFACE, WAVEFRONT, Findings, HeightMap, MapOptions
-from irtscots_cl.formats.text_numbers import line_of, number, numbers, opened_text, short, whole_number
+from irtscots_cl.formats.text_numbers import cut_off, line_of, number, numbers, opened_text, short, whole_number
 from irtscots_cl.formats.zygo_dat import writable_wavelength
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.system.atomic_files import write_text
@@ -72,6 +72,7 @@ def read_codev_int(path: Path, options: MapOptions) -> HeightMap:
             values = _zernike_map(file, header, found, size)
         else:
             values = _grid(file, header, found, size)
+        found.warnings += cut_off(path)
         heights = values * (wavelength * 1e-6 / _scale(header, found))
         if header.x_scale != 1:
             found.warnings.append(f"XSC = {header.x_scale:g}: pixels are not square; give both pitches")

@@ -16,7 +16,7 @@ import numpy as np
 
 from irtscots_cl.formats.frames import check_size, reading
 from irtscots_cl.formats.height_map import SURFACE, Findings, HeightMap, MapOptions
-from irtscots_cl.formats.text_numbers import line_of, number, opened_text, short, whole_number
+from irtscots_cl.formats.text_numbers import cut_off, line_of, number, opened_text, short, whole_number
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.system.atomic_files import replacing
 
@@ -34,6 +34,7 @@ def read_iso_sdf(path: Path, options: MapOptions) -> HeightMap:
     with reading(path, "SDF"):
         with open(path, "rb") as file:
             start = file.read(HEADER.size)
+        found.warnings += () if start[:8] == MAGICS[1] else cut_off(path)
         values, scales = _binary(path, start) if start[:8] == MAGICS[1] else _text(path)
         for name, scale in zip(("Xscale", "Yscale", "Zscale"), scales, strict=True):
             if not (np.isfinite(scale) and (scale != 0 or name != "Zscale")):

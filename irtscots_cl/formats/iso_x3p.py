@@ -19,7 +19,7 @@ import numpy as np
 from irtscots_cl.formats.frames import check_size, reading
 from irtscots_cl.formats.height_map import SURFACE, Findings, HeightMap, MapOptions
 from irtscots_cl.formats.npz import DEFLATE_RATIO
-from irtscots_cl.formats.text_numbers import number, whole_number
+from irtscots_cl.formats.text_numbers import number, short, whole_number
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.system.atomic_files import replacing
 
@@ -40,10 +40,10 @@ def read_iso_x3p(path: Path, options: MapOptions) -> HeightMap:
             for k in ("SizeX", "SizeY")
         )
         if said.get("MatrixDimension/SizeZ", "1") != "1":
-            raise ValueError(f"{path}: SizeZ = {said['MatrixDimension/SizeZ'][:20]}: must be 1")
+            raise ValueError(f"{path}: SizeZ = {short(said['MatrixDimension/SizeZ'])}: must be 1")
         kind = _said(path, said, "CZ/DataType")
         if kind not in TYPES:
-            raise ValueError(f"{path}: CZ/DataType = {kind[:20]}: must be one of {', '.join(TYPES)}")
+            raise ValueError(f"{path}: CZ/DataType = {short(kind)}: must be one of {', '.join(TYPES)}")
         values = _values(path, archive, _said(path, said, "DataLink/PointDataLink"), (rows, columns), TYPES[kind])
         values = values * _number(path, said, "CZ/Increment", 1.0) + _number(path, said, "CZ/Offset", 0.0)
         link = said.get("DataLink/ValidPointsLink")
@@ -96,13 +96,13 @@ def _member(path: Path, archive: zipfile.ZipFile, name: str, needed: int) -> byt
     try:
         info = archive.getinfo(name)
     except KeyError:
-        raise ValueError(f"{path}: has no {name[:40]!r}, which {MAIN} names") from None
+        raise ValueError(f"{path}: has no {short(name)!r}, which {MAIN} names") from None
     if info.file_size < needed:
-        raise ValueError(f"{path}: {name[:40]}: {info.file_size} bytes, of {needed}: cut off or broken")
+        raise ValueError(f"{path}: {short(name)}: {info.file_size} bytes, of {needed}: cut off or broken")
     with archive.open(info) as stream:
         data = stream.read(needed)
     if len(data) < needed:
-        raise ValueError(f"{path}: {name[:40]}: {len(data)} bytes, of {needed}: cut off or broken")
+        raise ValueError(f"{path}: {short(name)}: {len(data)} bytes, of {needed}: cut off or broken")
     return data
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from irtscots_cl.formats.frames import ReadOptions, reading
 from irtscots_cl.formats.height_map import SURFACE, UNIT_MM, WAVEFRONT, Findings, HeightMap, MapOptions
 from irtscots_cl.formats.npz import open_npy, open_npz
+from irtscots_cl.formats.text_numbers import short
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.system.atomic_files import replacing
 
@@ -30,7 +31,7 @@ def read_map_npz(path: Path, options: MapOptions) -> HeightMap:
         names = archive.namelist()
         if f"{HEIGHTS}.npy" not in names:
             raise ValueError(
-                f"{path}: has no array {HEIGHTS} (arrays: {', '.join(n[:20] for n in names[:4]) or 'none'})"
+                f"{path}: has no array {HEIGHTS} (arrays: {', '.join(short(n) for n in names[:4]) or 'none'})"
             )
         few = {name: _few(archive, name) for name in ("pitch_mm", "wavelength_nm", "centre_mm", "wavefront")}
     file = open_npz(path, ReadOptions(npz_array=HEIGHTS))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from irtscots_cl.formats.frames import MAX_FRAME_VALUES, check_size, reading
 from irtscots_cl.formats.height_map import KINDS, UNIT_MM, Findings, HeightMap, MapOptions, unit_named
-from irtscots_cl.formats.text_numbers import line_of, number, opened_text, short
+from irtscots_cl.formats.text_numbers import cut_off, line_of, number, opened_text, short
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.system.atomic_files import replacing
 
@@ -50,6 +50,7 @@ def read_map_table(path: Path, options: MapOptions) -> HeightMap:
     found = Findings(str(path), options)
     with reading(path, "CSV"), opened_text(path) as file:
         said: dict[str, str] = {}
+        found.warnings += cut_off(path)
         table = _rows(file, str(path), said)
         wavelength = found.wavelength_nm(_numbers_said(said, "wavelength_nm", 1, found)[0])
         unit_mm = found.unit_mm(_unit_said(said, found), wavelength)

@@ -19,6 +19,14 @@ def opened_text(path: Path) -> IO[str]:
     return open(path, encoding="utf-8-sig", errors="replace", newline=None)
 
 
+def cut_off(path: Path) -> tuple[str, ...]:
+    """A warning where a text file does not end with a line: its last number may have lost digits."""
+    with open(path, "rb") as file:
+        file.seek(max(0, path.stat().st_size - 1))
+        last = file.read(1)
+    return () if last.isspace() else ("the file ends within a line: its last number may be cut off",)
+
+
 def short(text: str) -> str:
     """A part of a file for a message: printable, at most 40 characters."""
     return "".join(c if c.isprintable() else "?" for c in text.strip()[:40])

@@ -16,7 +16,7 @@ import numpy as np
 
 from irtscots_cl.formats.frames import check_size, reading
 from irtscots_cl.formats.height_map import SURFACE, UNIT_MM, Findings, HeightMap, MapOptions
-from irtscots_cl.formats.text_numbers import line_of, number, opened_text, whole_number
+from irtscots_cl.formats.text_numbers import cut_off, line_of, number, opened_text, whole_number
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.system.atomic_files import replacing
 
@@ -49,6 +49,7 @@ def read_zemax_grid(path: Path, options: MapOptions) -> HeightMap:
                 raise ValueError(f"{path}: has no line of nx, ny, delx, dely, unit")
         columns, rows, unit_mm, pitch, centre = _head(line.split(), f"{path}: line {at}")
         check_size(path, columns, rows, 1, SHORTEST_LINE, path.stat().st_size + 1, 1)
+        found.warnings += cut_off(path)
         heights = _points(file, columns * rows, str(path), at) * unit_mm
     return found.build(
         heights.reshape(rows, columns)[::-1],

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from irtscots_cl.formats.frames import MAX_UNPACKED, check_size, reading
 from irtscots_cl.formats.hdf5 import opened
 from irtscots_cl.formats.height_map import UNIT_MM, CameraPlace, Findings, HeightMap, MapOptions, unit_named
+from irtscots_cl.formats.text_numbers import short
 from irtscots_cl.formats.zygo_dat import INVALID, SCALE_FACTORS, kind_by_scale, writable_wavelength
 from irtscots_cl.system.atomic_files import replacing
 
@@ -97,7 +98,7 @@ def _dataset(file: h5py.File, what: str) -> h5py.Dataset | None:
 
 def _check(path: Path, data: h5py.Dataset) -> None:
     """Refuse what is no map of numbers in this file, or more than the file can hold, before it is read."""
-    where = f"{path}: {data.name}"
+    where = f"{path}: {short(data.name)}"
     if data.external or data.is_virtual:
         raise ValueError(f"{where}: its values are in another file; must be in this one")
     if data.shape is None or data.ndim != 2 or data.dtype.kind not in "fiu":
@@ -127,7 +128,7 @@ def _number(holder: Any, name: str, default: float) -> float:
 def _text(holder: Any, name: str) -> str:
     value = _attribute(holder, name)
     text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value or "")
-    return "".join(c if c.isprintable() else "?" for c in text[:40])
+    return short(text)
 
 
 def _factor(found: Findings, name: str, value: float) -> float:
