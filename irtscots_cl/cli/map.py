@@ -54,14 +54,12 @@ def _execute(options: argparse.Namespace) -> int:
     try:
         turns = all_figures(height_map.heights_mm, x, y)
         chosen = figures(height_map.heights_mm, x, y, options.remove)
-        left = _left(height_map, x, y, options.remove)
-        zernike = zernike_figures(height_map.heights_mm, x, y)
-        pvr = zernike_figures(left, x, y)
-        spectrum = _spectrum(height_map, left) if options.spectrum else {}
+        zernike = zernike_figures(height_map.heights_mm, x, y, options.remove)
+        spectrum = _spectrum(height_map, _left(height_map, x, y, options.remove)) if options.spectrum else {}
     except ValueError as error:
         raise ValueError(f"{options.file}: {error}") from None
     known = height_map.pitch_mm is not None
-    facts = _facts(height_map, turns, chosen, zernike, pvr, known) | spectrum
+    facts = _facts(height_map, turns, chosen, zernike, known) | spectrum
     if options.json:
         from irtscots_cl.system.atomic_files import plain
 
@@ -122,17 +120,16 @@ def _facts(
     turns: tuple[MapFigures, ...],
     chosen: MapFigures,
     zernike: ZernikeFigures,
-    pvr: ZernikeFigures,
     known: bool,
 ) -> dict[str, Any]:
-    terms = f"PV of {len(pvr.nolls)} fringe Zernike terms plus 3 times the rms they leave"
-    if pvr.dropped:
-        terms += f"; Noll {', '.join(map(str, pvr.dropped))} left out: the pixels cannot tell them apart"
+    terms = f"PV of {len(zernike.nolls)} fringe Zernike terms plus 3 times the rms they leave"
+    if zernike.dropped:
+        terms += f"; Noll {', '.join(map(str, zernike.dropped))} left out: the pixels cannot tell them apart"
     disk = zernike.disk
     return {
         **map_facts(height_map),
         **_figure_facts(chosen, known),
-        "pvr_nm": {"value": pvr.pvr_mm * 1e6, "terms": terms},
+        "pvr_nm": {"value": zernike.pvr_mm * 1e6, "terms": terms},
         "in_turn": [_figure_facts(one, known) for one in turns],
         "zernike": [
             {"noll": noll, "output_nm": float(value) * 1e6}

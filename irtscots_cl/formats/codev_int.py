@@ -73,10 +73,10 @@ def read_codev_int(path: Path, options: MapOptions) -> HeightMap:
         else:
             values = _grid(file, header, found, size)
         found.warnings += cut_off(path)
-        heights = values * (wavelength * 1e-6 / _scale(header, found))
+        unit_mm = wavelength * 1e-6 / _scale(header, found)
         if header.x_scale != 1:
             found.warnings.append(f"XSC = {header.x_scale:g}: pixels are not square; give both pitches")
-    return found.build(heights, "CODE V", pitch_mm=found.pitch_mm(None), wavelength_nm=wavelength, kind=kind)
+    return found.build(values, "CODE V", unit_mm, pitch_mm=found.pitch_mm(None), wavelength_nm=wavelength, kind=kind)
 
 
 def _header(file: IO[str], found: Findings) -> _Header:

@@ -20,6 +20,7 @@ from irtscots_cl.maths.zernike.polynomials import normalisation, zernike
 NAMES = {"ZFR": "fringe", "ZRN": "standard"}
 DEFAULT_SAMPLES = 255
 MAX_TERMS = 120
+MAX_CONDITION = 1e6  # of the terms' values at the pixels
 
 
 @dataclass(frozen=True)
@@ -91,10 +92,11 @@ def fitted(
     inside = x * x + y * y <= 1 + 1e-12
     values = height_map.heights_mm[rows, columns][inside]
     basis = terms(name, count, x[inside], y[inside]).T
-    if len(values) < count or np.linalg.cond(basis) > 1e6:
+    solution = np.linalg.lstsq(basis, values) if len(values) >= count else None
+    if solution is None or solution[3][-1] * MAX_CONDITION < solution[3][0]:
         raise ValueError(
             f"{where}: {len(values)} pixels on the disk cannot separate {count} Zernike terms: ask for fewer"
         )
-    found = np.asarray(np.linalg.lstsq(basis, values)[0], np.float64)
+    found = np.asarray(solution[0], np.float64)
     rest = values - basis @ found
     return found, disk, float(np.sqrt(np.mean(rest**2)))

@@ -235,8 +235,10 @@ class Findings:
             raise ValueError(f"{self.where}: none of its {values.size} heights is valid")
         return values
 
-    def build(self, heights_mm: FloatArray, origin: str, **others: Any) -> HeightMap:
-        """The map. Raises ValueError, with the file's name, for what no map can be."""
+    def build(self, values: FloatArray, origin: str, unit_mm: float = 1.0, **others: Any) -> HeightMap:
+        """The map of values in a unit. Raises ValueError, with the file's name, for what no map can be."""
+        with np.errstate(all="ignore"):  # what overflows is infinite, and no height
+            heights_mm = values * unit_mm
         try:
             return HeightMap(
                 self.heights(heights_mm), origin=f"{origin}: {self.where}", warnings=tuple(self.warnings), **others

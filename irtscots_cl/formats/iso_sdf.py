@@ -14,6 +14,7 @@ from typing import IO
 
 import numpy as np
 
+from irtscots_cl.formats.binary_array import binary_array
 from irtscots_cl.formats.frames import check_size, reading
 from irtscots_cl.formats.height_map import SURFACE, Findings, HeightMap, MapOptions
 from irtscots_cl.formats.text_numbers import cut_off, line_of, number, opened_text, short, whole_number
@@ -40,8 +41,9 @@ def read_iso_sdf(path: Path, options: MapOptions) -> HeightMap:
             if not (np.isfinite(scale) and (scale != 0 or name != "Zscale")):
                 raise ValueError(f"{path}: {name} = {scale:g}: must be a finite number of metres, not 0")
     return found.build(
-        values * (scales[2] * 1e3),
+        values,
         "SDF",
+        scales[2] * 1e3,
         pitch_mm=found.pitch_mm((scales[0] * 1e3, scales[1] * 1e3)),
         wavelength_nm=options.wavelength_nm,
         kind=found.kind(SURFACE),
@@ -56,7 +58,7 @@ def _binary(path: Path, start: bytes) -> tuple[FloatArray, tuple[float, float, f
         raise ValueError(f"{path}: compression {compression}, data type {kind}: must be 0, and 0 to 7")
     dtype = np.dtype(TYPES[kind])
     check_size(path, columns, rows, 1, dtype.itemsize, path.stat().st_size - HEADER.size, 1)
-    stored = np.fromfile(path, dtype, columns * rows, offset=HEADER.size).reshape(rows, columns)
+    stored = binary_array(path, dtype, HEADER.size, rows, columns)
     return _valid(stored.astype(float), kind), (x, y, z)
 
 

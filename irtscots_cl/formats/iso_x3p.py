@@ -54,8 +54,9 @@ def read_iso_x3p(path: Path, options: MapOptions) -> HeightMap:
             if said.get(f"{axis}/AxisType", "I") != "I":
                 raise ValueError(f"{path}: {axis}/AxisType: must be I, even steps")
     return found.build(
-        values * 1e3,
+        values,
         "X3P",
+        1e3,
         pitch_mm=found.pitch_mm((pitch[0], pitch[1])),
         wavelength_nm=options.wavelength_nm,
         kind=found.kind(SURFACE),

@@ -38,8 +38,9 @@ def read_map_fits(path: Path, options: MapOptions) -> HeightMap:
         if kind not in (None, "surface", "wavefront"):
             raise ValueError(f"{path}: MAPKIND = {kind[:20]!r}: must be SURFACE or WAVEFRONT")
     return found.build(
-        heights * unit_mm,
+        heights,
         "FITS",
+        unit_mm,
         pitch_mm=found.pitch_mm(pitch),
         wavelength_nm=wavelength,
         kind=found.kind(kind),

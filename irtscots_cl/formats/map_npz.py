@@ -76,9 +76,9 @@ def read_map_npy(path: Path, options: MapOptions) -> HeightMap:
     wavelength = found.wavelength_nm(None)
     unit_mm = found.unit_mm(None, wavelength)
     found.warnings.append("an NPY file does not tell its row order: row 0 is taken as the lowest")
-    heights = np.asarray(file.read(0), float) * unit_mm
+    heights = np.asarray(file.read(0), float)
     kind, pitch = found.kind(None), found.pitch_mm(None)
-    return found.build(heights, "NPY", pitch_mm=pitch, wavelength_nm=wavelength, kind=kind)
+    return found.build(heights, "NPY", unit_mm, pitch_mm=pitch, wavelength_nm=wavelength, kind=kind)
 
 
 def write_map_npz(path: Path, height_map: HeightMap) -> tuple[str, ...]:

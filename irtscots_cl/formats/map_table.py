@@ -66,8 +66,9 @@ def read_map_table(path: Path, options: MapOptions) -> HeightMap:
             heights = _upright(table, said, found)
             pitch, middle = _pair(said, "pitch_mm", found), _pair(said, "centre_mm", found)
     return found.build(
-        heights * unit_mm,
+        heights,
         "XYZ" if xyz else "CSV",
+        unit_mm,
         pitch_mm=found.pitch_mm(pitch),
         wavelength_nm=wavelength,
         kind=found.kind(kind),

@@ -38,8 +38,9 @@ def read_map_tiff(path: Path, options: MapOptions) -> HeightMap:
         kind = said.get("kind")
         pitch, centre = _pair(said, "pitch_mm"), _pair(said, "centre_mm")
     return found.build(
-        heights * unit_mm,
+        heights,
         "TIFF",
+        unit_mm,
         pitch_mm=found.pitch_mm(pitch),
         wavelength_nm=wavelength,
         kind=found.kind(kind if kind in KINDS else None),

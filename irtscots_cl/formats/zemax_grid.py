@@ -50,10 +50,11 @@ def read_zemax_grid(path: Path, options: MapOptions) -> HeightMap:
         columns, rows, unit_mm, pitch, centre = _head(line.split(), f"{path}: line {at}")
         check_size(path, columns, rows, 1, SHORTEST_LINE, path.stat().st_size + 1, 1)
         found.warnings += cut_off(path)
-        heights = _points(file, columns * rows, str(path), at) * unit_mm
+        heights = _points(file, columns * rows, str(path), at)
     return found.build(
         heights.reshape(rows, columns)[::-1],
         "Zemax grid sag",
+        unit_mm,
         pitch_mm=found.pitch_mm(pitch),
         wavelength_nm=options.wavelength_nm,
         kind=found.kind(SURFACE),

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from irtscots_cl.formats.binary_array import binary_array
 from irtscots_cl.formats.frames import check_size, reading
 from irtscots_cl.formats.height_map import (
     SURFACE,
@@ -67,7 +68,7 @@ def read_zygo_dat(path: Path, options: MapOptions) -> HeightMap:
             header = file.read(834)
         layout = _layout(found, header, size)
         left, top, columns, rows = layout.phase
-        counts = np.fromfile(path, ">i4", columns * rows, offset=layout.phase_at).reshape(rows, columns)
+        counts = binary_array(path, np.dtype(">i4"), layout.phase_at, rows, columns)
         wavelength = found.wavelength_nm(_get(header, "wavelength_m")[0] * 1e9, needed=True)
         assert wavelength is not None
         heights = np.where(counts >= INVALID, np.nan, counts * _mm_per_count(found, header, wavelength))
@@ -169,7 +170,7 @@ def _intensity(path: Path, layout: _Layout) -> NDArray[np.float32]:
     last_x, last_y = min(x + columns, left + width), min(y + rows, top + height)
     for frame in range(layout.frames):
         at = layout.header + 2 * frame * columns * rows
-        counts = np.fromfile(path, ">u2", columns * rows, offset=at).reshape(rows, columns)
+        counts = binary_array(path, np.dtype(">u2"), at, rows, columns)
         if first_x < last_x and first_y < last_y:
             part = counts[first_y - y : last_y - y, first_x - x : last_x - x]
             values = np.where(part >= INVALID_INTENSITY, np.nan, part).astype(np.float32)

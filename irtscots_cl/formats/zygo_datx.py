@@ -66,8 +66,9 @@ def read_zygo_datx(path: Path, options: MapOptions) -> HeightMap:
             pitch = (_general_pitch_mm(file),) * 2
         place, intensity = _place(data), _intensity(path, file, data)
     return found.build(
-        (values * unit_mm)[::-1],
+        values[::-1],
         "Zygo DATX",
+        unit_mm,
         pitch_mm=found.pitch_mm((pitch[0], pitch[1])),
         wavelength_nm=wavelength or None,
         kind=kind_by_scale(found, scale),

@@ -16,7 +16,7 @@ from irtscots_cl.maths.zernike.indices import fringe_to_nm, nm_to_noll
 
 PVR_TERMS = 36  # of the fringe set
 PVR_SIGMAS = 3.0
-MOST_SAMPLES = 40_000  # of the fit of Zernike terms: an even choice of the pixels where there are more
+MOST_SAMPLES = 20_000  # of the fit of Zernike terms: an even choice of the pixels where there are more
 RIM = 1e-9
 
 
@@ -92,12 +92,19 @@ def enclosing_disk(heights: FloatArray, x: FloatArray, y: FloatArray) -> Unit:
 
 
 def zernike_figures(
-    heights: FloatArray, x: FloatArray, y: FloatArray, disk: Unit | None = None, count: int = PVR_TERMS
+    heights: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    removed: str = "none",
+    disk: Unit | None = None,
+    count: int = PVR_TERMS,
 ) -> ZernikeFigures:
-    """Zernike terms of a map and its PVr: the PV of the fit of `count` fringe terms plus three times the rest's rms.
+    """Zernike terms of a map as it is, and its PVr with low-order terms removed: the PV of the fit of `count` fringe
+    terms plus three times the rest's rms.
 
-    disk: default: enclosing_disk. Pixels outside it are left out. C. J. Evans, "PVr: a robust amplitude parameter for
-    optical surface specification", Opt. Eng. 48, 043605 (2009), has 36 terms over the whole aperture.
+    removed: one of low_order.TERMS, for PVr. disk: default: enclosing_disk; pixels outside it are left out. Source:
+    C. J. Evans, "PVr: a robust amplitude parameter for optical surface specification", Opt. Eng. 48, 043605 (2009),
+    with 36 terms over the whole aperture.
 
     Raises ValueError where no pixel is on the disk.
     """
@@ -106,14 +113,12 @@ def zernike_figures(
     used = np.isfinite(heights) & (u * u + v * v <= 1 + RIM)
     if not used.any():
         raise ValueError("no valid pixel is on the disk of the Zernike terms")
-    step = int(np.ceil(used.sum() / MOST_SAMPLES))
-    chosen = (u[used][::step], v[used][::step], heights[used][::step])
-    nolls = sorted(nm_to_noll(*fringe_to_nm(j)) for j in range(1, count + 1))
-    fit = separable_terms(chosen[0], chosen[1], nolls)
-    coefficients = fit.coefficients(chosen[2])
-    smooth = fit.basis @ coefficients
-    rest = chosen[2] - smooth
-    rest_rms = _rms(rest)
-    return ZernikeFigures(
-        disk, fit.nolls, coefficients, fit.dropped, rest_rms, float(np.ptp(smooth)) + PVR_SIGMAS * rest_rms, len(rest)
-    )  # fmt: skip
+    left = remove_terms(x, y, heights, np.isfinite(heights), removed)
+    number = int(used.sum())
+    chosen = np.linspace(0, number - 1, min(number, MOST_SAMPLES)).astype(int)
+    u, v, whole, left = (values[used][chosen] for values in (u, v, heights, left))
+    fit = separable_terms(u, v, sorted(nm_to_noll(*fringe_to_nm(j)) for j in range(1, count + 1)))
+    smooth = fit.basis @ fit.coefficients(left)
+    rest_rms = _rms(left - smooth)
+    pvr = float(np.ptp(smooth)) + PVR_SIGMAS * rest_rms
+    return ZernikeFigures(disk, fit.nolls, fit.coefficients(whole), fit.dropped, rest_rms, pvr, len(chosen))
