@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 FORMATS_READ = (
     "MetroPro .dat, DATX, CODE V .int, Zemax grid sag .DAT, FITS, TIFF, CSV, XYZ, NPZ, NPY, SDF or X3P, told by its "
-    "content"
+    "content; or the result.h5 of this program"
 )
 
 

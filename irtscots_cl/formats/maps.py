@@ -57,6 +57,10 @@ def _reader(path: Path, start: bytes) -> Reader:
     if start[:3] == b"\x88\x1b\x03":
         from irtscots_cl.formats.zygo_dat import read_zygo_dat as reader
     elif start[:8] == b"\x89HDF\r\n\x1a\n":
+        from irtscots_cl.formats.result_map import is_result, read_result_map
+
+        if is_result(path):
+            return read_result_map
         from irtscots_cl.formats.zygo_datx import read_zygo_datx as reader
     elif start[:6] == b"SIMPLE":
         from irtscots_cl.formats.map_fits import read_map_fits as reader
@@ -91,8 +95,8 @@ def _text_reader(path: Path, start: bytes) -> Reader:
         if is_table(path):
             return read_map_table
     raise ValueError(
-        f"{path}: not a readable map: begins as none of MetroPro, DATX, CODE V, Zemax grid, FITS, TIFF, CSV, XYZ, "
-        "NPZ, NPY, SDF, X3P does"
+        f"{path}: not a readable map: begins as none of MetroPro, DATX, result.h5, CODE V, Zemax grid, FITS, TIFF, "
+        "CSV, XYZ, NPZ, NPY, SDF, X3P does"
     )
 
 

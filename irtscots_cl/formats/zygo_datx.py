@@ -47,7 +47,7 @@ def read_zygo_datx(path: Path, options: MapOptions) -> HeightMap:
         data = _dataset(file, "Surface")
         if data is None:
             raise ValueError(f"{path}: has no dataset /Measurement/Surface or /Data/Surface/ID, as a DATX file has")
-        _check(path, data)
+        check_dataset(path, data)
         stored = np.asarray(data[()], float)
         no_data = _number(data, "No Data", float(INVALID))
         missing = (stored == no_data) | (stored >= (no_data if no_data >= INVALID else np.inf)) | ~np.isfinite(stored)
@@ -97,7 +97,7 @@ def _dataset(file: h5py.File, what: str) -> h5py.Dataset | None:
     return None
 
 
-def _check(path: Path, data: h5py.Dataset) -> None:
+def check_dataset(path: Path, data: h5py.Dataset) -> None:
     """Refuse what is no map of numbers in this file, or more than the file can hold, before it is read."""
     where = f"{path}: {short(data.name)}"
     if data.external or data.is_virtual:
@@ -190,7 +190,7 @@ def _intensity(path: Path, file: h5py.File, surface: h5py.Dataset) -> NDArray[np
     place, own = _place(surface), None if data is None else _place(data)
     if data is None:
         return None
-    _check(path, data)
+    check_dataset(path, data)
     counts = np.asarray(data[()], np.float32)[::-1]
     if counts.shape == surface.shape and (
         place is None or own is None or (place.left, place.top) == (own.left, own.top)

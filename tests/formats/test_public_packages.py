@@ -98,7 +98,10 @@ def test_x3p_files_of_surface_topography(tmp_path, kind):
 
 @needs_prysm
 def test_the_ascii_of_prysm_is_refused(tmp_path):
-    prysm_io().write_zygo_ascii(str(tmp_path / "a.asc"), letter_map_nm(), 0.1)
+    """It divides by the wavelength in um twice: the counts of one wave, 32768 / 0.5, become 2.497 times as many."""
+    prysm_io().write_zygo_ascii(str(tmp_path / "a.asc"), np.ones((4, 5)), 0.1)
+    counts = (tmp_path / "a.asc").read_text().split("#")[2].split()
+    assert set(counts) == {str(int(32768 / 0.5 / 0.6328**2))}
     with pytest.raises(ValueError, match="MetroPro's ASCII: save it as .dat"):
         open_map(tmp_path / "a.asc")
 
