@@ -23,6 +23,7 @@ FORMATS = (
     "sdf", "x3p",
 )  # fmt: skip
 WITH_INTENSITY = ("zygo-dat", "zygo-datx")
+NEGLIGIBLE_MM = 1e-6  # of a centre that is not written
 WITH_CENTRE = ("zemax", "fits", "tiff", "csv", "xyz", "npz")
 WITH_UNIT = ("fits", "tiff", "csv", "xyz", "npy")  # formats whose heights may be in several units
 _OTHERS = {
@@ -136,7 +137,7 @@ def _lost(height_map: HeightMap, form: str) -> tuple[str, ...]:
     notes: tuple[str, ...] = ()
     if height_map.intensity is not None and form not in WITH_INTENSITY:
         notes += (f"{len(height_map.intensity)} intensity frames are not written",)
-    if height_map.centre_mm != (0.0, 0.0) and form not in WITH_CENTRE:
+    if max(map(abs, height_map.centre_mm)) > NEGLIGIBLE_MM and form not in WITH_CENTRE:
         x, y = height_map.centre_mm
         notes += (f"the map's centre, at {x:g}, {y:g} mm, is not written",)
     return notes
