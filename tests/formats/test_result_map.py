@@ -1,8 +1,11 @@
 """The deviation of a result.h5 as a map on an even grid."""
 
+import random
+
 import h5py
 import numpy as np
 import pytest
+from broken_maps import broken, outcome
 
 from irtscots_cl.formats.height_map import MapOptions
 from irtscots_cl.formats.maps import open_map
@@ -82,3 +85,12 @@ def test_what_is_no_result(tmp_path):
     with h5py.File(path, "w") as file:
         file["deviation_nm"] = h5py.ExternalLink("/etc/passwd", "x")
     assert not is_result(path) and not is_result(tmp_path / "none.h5")
+
+
+def test_broken_files_give_one_line(tmp_path):
+    x, y = pixels(15)
+    path = written(tmp_path / "a.h5", x, y, deviation_nm(x, y))
+    open_map(path)  # what the libraries take at import is no file's memory
+    data = path.read_bytes()
+    results = [outcome(path, broken(data, random.Random(number))) for number in range(100)]
+    assert 20 < sum(result != "read" for result in results) < 100
