@@ -16,6 +16,7 @@ from typing import NoReturn
 from irtscots_cl.cli import (
     bench,
     calibrate,
+    convert,
     design_patterns,
     devices,
     identify,
@@ -28,6 +29,7 @@ from irtscots_cl.cli import (
     scenes,
     stability,
 )
+from irtscots_cl.cli import map as height_map
 from irtscots_cl.cli.common import (
     EXIT_BAD_INPUT,
     EXIT_INTERRUPTED,
@@ -41,8 +43,8 @@ from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
 COMMANDS = (
-    run, scenes, devices, kernel, paths, design_patterns, patterns, reconstruct, calibrate, identify, reproduce, bench,
-    stability,
+    run, scenes, devices, kernel, paths, design_patterns, patterns, reconstruct, calibrate, identify, height_map,
+    convert, reproduce, bench, stability,
 )  # fmt: skip
 
 

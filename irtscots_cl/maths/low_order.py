@@ -1,4 +1,4 @@
-"""Piston, tilt and power of height maps: removal of these terms, and rms over a mask."""
+"""Piston, tilt, power and astigmatism of height maps: removal of these terms, and rms over a mask."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from irtscots_cl.system import interruption
 
-TERMS = ("none", "piston", "piston_tilt", "piston_tilt_power")
+TERMS = ("none", "piston", "piston_tilt", "piston_tilt_power", "piston_tilt_power_astigmatism")
 
 
 def remove_terms(
@@ -15,10 +15,10 @@ def remove_terms(
 ) -> NDArray[np.float64]:
     """``z`` without its least-squares fit of the named low-order terms, in the unit of ``z``.
 
-    "none" removes nothing, "piston" 1, "piston_tilt" 1, x, y and "piston_tilt_power" 1, x, y, x^2 + y^2. All
-    arrays are [rows, columns]. The fit runs over the samples inside the mask whose z is finite; the others
-    are NaN in the result. groups: int [rows, columns], parts of the mask with a piston of their own; tilt and power are
-    common to all.
+    "none" removes nothing, "piston" 1, "piston_tilt" 1, x, y, "piston_tilt_power" 1, x, y, x^2 + y^2 and
+    "piston_tilt_power_astigmatism" x^2 - y^2 and x y as well. All arrays are [rows, columns]. The fit runs over the
+    samples inside the mask whose z is finite; the others are NaN in the result. groups: int [rows, columns], parts of
+    the mask with a piston of their own; tilt, power and astigmatism are common to all.
 
     Raises ValueError for unknown terms, a shape that does not match, an empty or non-boolean mask, fewer
     samples than terms, or a position that is not finite where a sample is used.
@@ -28,7 +28,7 @@ def remove_terms(
     interruption.check()
     z, used = _samples(z, mask)
     result = np.where(used, z, np.nan)
-    count = (0, 1, 3, 4)[TERMS.index(terms)]
+    count = (0, 1, 3, 4, 6)[TERMS.index(terms)]
     if np.count_nonzero(used) < count:
         raise ValueError(f"{count} terms cannot be fitted to {np.count_nonzero(used)} samples")
     x, y = _centred(x_mm, "x_mm", used), _centred(y_mm, "y_mm", used)
@@ -36,7 +36,7 @@ def remove_terms(
         # x and y share their scale, so x^2 + y^2 differs from power only by tilt and piston, removed with it.
         scale = max(np.abs(x).max(), np.abs(y).max()) or 1.0
         x, y = x / scale, y / scale
-        basis = np.stack([np.ones_like(x), x, y, x * x + y * y], axis=1)[:, :count]
+        basis = np.stack([np.ones_like(x), x, y, x * x + y * y, x * x - y * y, x * y], axis=1)[:, :count]
         if groups is None:
             result[used] -= basis @ np.linalg.lstsq(basis, z[used])[0]
         else:

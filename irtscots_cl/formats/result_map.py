@@ -1,0 +1,93 @@
+"""The mirror's deviation in a `result.h5` of this program, as a map: from the pixels' mirror points to an even grid.
+
+The pixels of a camera see the mirror at points that are on no even grid. The deviation is interpolated between them by
+cubics (Clough and Tocher); a point of the grid is valid if a valid pixel's is within three quarters of the pitch. The
+pitch is the median distance of neighbouring pixels.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from irtscots_cl.formats.frames import check_size, reading
+from irtscots_cl.formats.hdf5 import GroupReader, opened
+from irtscots_cl.formats.height_map import SURFACE, UNIT_MM, Findings, HeightMap, MapOptions
+from irtscots_cl.formats.zygo_datx import check_dataset
+from irtscots_cl.maths.arrays import FloatArray
+
+REACH = 0.75  # of the pitch, from a point of the grid to a valid pixel's
+LEAST_PIXELS = 4
+
+
+def is_result(path: Path) -> bool:
+    """Whether an HDF5 file holds a deviation and its mirror points."""
+    try:
+        with h5py.File(path, "r") as file:
+            links = [file.get(name, getlink=True) for name in ("deviation_nm", "mirror")]
+            return all(isinstance(link, h5py.HardLink) for link in links)
+    except (OSError, RuntimeError, KeyError):
+        return False
+
+
+def read_result_map(path: Path, options: MapOptions) -> HeightMap:
+    """The deviation of a result, on an even grid. Raises ValueError, with one line, for what cannot be read."""
+    found = Findings(str(path), options)
+    with reading(path, "result"), opened(path) as file:
+        heights = _numbers(path, file, "", "deviation_nm") * UNIT_MM["nm"]
+        x, y = (_numbers(path, file, "mirror", name) for name in ("x_mm", "y_mm"))
+        if not x.shape == y.shape == heights.shape:
+            raise ValueError(f"{path}: mirror/x_mm, mirror/y_mm, deviation_nm: must be of one size")
+        pitch = _pitch(x, y)
+        good = np.isfinite(heights) & np.isfinite(x) & np.isfinite(y)
+        if good.sum() < LEAST_PIXELS or not pitch > 0:
+            raise ValueError(f"{path}: {int(good.sum())} valid pixels: too few for a map")
+        grid, centre = _on_grid(found, x[good], y[good], heights[good], pitch)
+    return found.build(
+        grid,
+        "result",
+        pitch_mm=found.pitch_mm((pitch, pitch)),
+        wavelength_nm=options.wavelength_nm,
+        kind=found.kind(SURFACE),
+        centre_mm=centre,
+    )
+
+
+def _numbers(path: Path, file: h5py.File, group: str, name: str) -> FloatArray:
+    data = GroupReader(file, path, group).dataset(name)
+    check_dataset(path, data)
+    return np.asarray(data[()], np.float64)
+
+
+def _pitch(x: FloatArray, y: FloatArray) -> float:
+    """Median distance of neighbouring pixels' points; NaN where there are none."""
+    steps = [np.hypot(np.diff(x, axis=axis), np.diff(y, axis=axis)).ravel() for axis in (0, 1)]
+    known = np.concatenate(steps)
+    known = known[np.isfinite(known)]
+    return float(np.median(known)) if known.size else float("nan")
+
+
+def _on_grid(
+    found: Findings, x: FloatArray, y: FloatArray, heights: FloatArray, pitch: float
+) -> tuple[FloatArray, tuple[float, float]]:
+    """Heights on a grid of the pitch about the middle of the points' bounding box, and that middle."""
+    from scipy.interpolate import CloughTocher2DInterpolator
+    from scipy.spatial import cKDTree
+
+    middles, axes = [], []
+    for place in (x, y):
+        low, high = float(place.min()), float(place.max())
+        count = int(min((high - low) / pitch, 1e9)) + 1
+        middles.append((low + high) / 2)
+        axes.append((count, middles[-1]))
+    check_size(found.where, axes[0][0], axes[1][0], 1, 1, len(x), 64)
+    along = [middle + (np.arange(count) - (count - 1) / 2) * pitch for count, middle in axes]
+    grid_x, grid_y = np.meshgrid(*along)
+    points = np.stack([x, y], axis=1)
+    distance, _ = cKDTree(points).query(np.stack([grid_x, grid_y], axis=-1).reshape(-1, 2))
+    values = CloughTocher2DInterpolator(points, heights, rescale=False)(grid_x, grid_y)
+    near = distance.reshape(grid_x.shape) <= REACH * pitch
+    found.warnings.append(f"the deviation is interpolated from {len(x)} pixels to a grid of {pitch:.6g} mm")
+    return np.where(near, values, np.nan), (middles[0], middles[1])
