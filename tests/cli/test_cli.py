@@ -467,18 +467,18 @@ def test_reconstruct_refuses_what_it_cannot_use(irtscots, finished, here, option
     ("old", "new", "parts"),
     [
         ("radius_mm = 4166.747", "raduis_mm = 4166.747", ("mirror.raduis_mm", "unknown key", "radius_mm")),
-        ("pitch_mm = 0.2\n", "", ("screen.pitch_mm", "missing", "a finite number above 0")),
+        ("pitch_mm = 0.2\n", "", ("screen.pitch_mm", "missing", "a finite number at least 1e-12")),
         (
             "diameter_mm = 1064.0",
             "diameter_mm = '1064'",
-            ("mirror.diameter_mm = '1064'", "a finite number above 0"),
+            ("mirror.diameter_mm = '1064'", "a finite number at least 1e-12"),
         ),
         (
             "diameter_mm = 1064.0",
             "diameter_mm = nan",
-            ("mirror.diameter_mm = nan", "a finite number above 0"),
+            ("mirror.diameter_mm = nan", "a finite number at least 1e-12"),
         ),
-        ("focal_length_mm = 16.0", "focal_length_mm = -16.0", ("camera.focal_length_mm = -16.0", "above 0")),
+        ("focal_length_mm = 16.0", "focal_length_mm = -16.0", ("camera.focal_length_mm = -16.0", "at least 1e-12")),
         (
             "pixels = [125, 125]",
             "pixels = [125.5, 125]",
