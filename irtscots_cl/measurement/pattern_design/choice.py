@@ -61,8 +61,8 @@ class SetError:
 
     @property
     def recommendable(self) -> bool:
-        """Whether it fits the frames, tells the orders, and leaves residuals: those of three steps are always zero."""
-        shows = self.fringes is None or self.fringes.steps > 3
+        """Whether it fits the frames, tells the orders, and leaves residuals."""
+        shows = self.fringes is None or self.fringes.tells_noise
         return shows and self.used > 0 and np.isfinite(self.nm_frames) and (self.safe is None or self.safe.found)
 
 
@@ -144,9 +144,7 @@ def _fringe_places(
     """Errors [2, n] of the places as the measurement weighs the series, or their Cramer-Rao bounds."""
     of_phases = phase_bounds if bound else phase_errors
     return np.stack([
-        place_errors_mm(
-            seen, k, fringes.periods, of_phases(seen, camera, k, fringes, frames, gamma), fringes.alike and not bound
-        )
+        place_errors_mm(seen, k, fringes.periods, of_phases(seen, camera, k, fringes, frames, gamma))
         for k in range(2)
     ])  # fmt: skip
 

@@ -28,7 +28,7 @@ def error_curve(found: PatternDesign) -> list[ErrorCurve]:
     """Of the best set of each family and number of series from two on, for its own steps."""
     curves, done = [], set()
     for one in found.sets:
-        if one.fringes is None or len(one.fringes.periods) < 2 or one.fringes.alike:
+        if one.fringes is None or len(one.fringes.periods) < 2 or not one.fringes.tells_noise:
             continue
         kind = (one.fringes.family, len(one.fringes.periods))
         if kind in done or found.seen.most_periods <= 1.5 * LOWEST:

@@ -37,9 +37,9 @@ class Fringes:
         return 2 * self.steps * len(self.periods)
 
     @property
-    def alike(self) -> bool:
-        """Whether the measurement weighs all series alike: three steps leave nothing to tell the noise from."""
-        return self.steps == 3
+    def tells_noise(self) -> bool:
+        """Whether its residuals tell the noise: those of three steps are always zero."""
+        return self.steps > 3
 
     @property
     def name(self) -> str:
@@ -114,18 +114,11 @@ def phase_bounds(
     return np.stack(bounds)
 
 
-def place_errors_mm(
-    seen: SeenPixels, axis: int, periods: tuple[float, ...], errors_rad: FloatArray, alike: bool = False
-) -> FloatArray:
-    """Standard errors [n] in mm of the place from phases with these errors [series, n]; orders are known.
-
-    The series are weighed by their errors; alike: as if all had the same, which is all that is known of three steps.
-    """
+def place_errors_mm(seen: SeenPixels, axis: int, periods: tuple[float, ...], errors_rad: FloatArray) -> FloatArray:
+    """Standard errors [n] in mm of the place from phases with these errors [series, n], by which the series are
+    weighed; orders are known."""
     p = np.array(periods)[:, None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        if alike:
-            errors = np.sqrt(np.square(p * errors_rad).sum(0)) / np.square(p).sum(0)
-        else:
-            errors = 1 / np.sqrt(np.square(p / errors_rad).sum(0))
+        errors = 1 / np.sqrt(np.square(p / errors_rad).sum(0))
     mm: FloatArray = seen.width_mm(axis) / TAU * errors
     return mm

@@ -111,7 +111,7 @@ def tried(
         errors = phase_errors(seen, camera, axis, fringes, frames, gamma)
         ambiguous |= wrong_orders(fringes.periods, errors, seen.fraction(axis)) > limit
         dark |= too_dark(seen, camera, axis, fringes.periods, gamma)
-        places.append(place_errors_mm(seen, axis, fringes.periods, errors, fringes.alike))
+        places.append(place_errors_mm(seen, axis, fringes.periods, errors))
     why = "modulation" if dark.mean() > EXCEPT else "ambiguity" if ambiguous.mean() > EXCEPT else ""
     return Tried(fringes, why, heights.nm(np.stack(places)))
 
