@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from irtscots_cl import cli
 from irtscots_cl.opencl.device import Device, select_device
 
+# Tests that are slow by measurement, beside those marked by hand: tools/slow_tests.py writes the list.
+SLOW = frozenset((Path(__file__).parent / "slow_tests.txt").read_text(encoding="utf-8").splitlines())
 # Fixtures that give a device of the machine, or run commands that may use one
 DEVICE_FIXTURES = {"device", "precision"}
 
@@ -15,8 +19,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what runs kernels as needs_device: tools/second_device runs these alone on another OpenCL implementation.
 
     By fixtures, also those that a test's own fixtures use; what finds its device in another way is marked by hand.
+    Mark the tests of slow_tests.txt as slow.
     """
     for item in items:
+        if item.nodeid in SLOW:
+            item.add_marker(pytest.mark.slow)
         if DEVICE_FIXTURES.intersection(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.needs_device)
 

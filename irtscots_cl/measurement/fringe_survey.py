@@ -66,8 +66,8 @@ IMPOSSIBLE = (
     "frames are exchanged, wrong, or of another series; record the series again"
 )
 BROKEN_SERIES = (
-    "{} fringes: the phases of the series differ by {:.2f} rad{}: a series is broken, or its number of periods is "
-    "another; record it again, or mend its periods in the manifest"
+    "{} fringes: the phases of the series differ by {:.2f} rad{}: a series is broken, its number of periods is "
+    "another, or beyond what the blur lets through; record it again, mend the manifest's periods, or delete its lines"
 )
 UNEVEN_SERIES = (
     "residuals {:.3g} times those of the other series: a frame is wrong, or the light changed; they count less"
@@ -143,15 +143,9 @@ def survey(
     errors *= excess[:, None]
     sign, found = _direction(fringes, phases, errors, prior)
     notes += found
-    # not noise: what may be one and the same in all frames
-    floor = phase_floor(sign * phases, errors, fringes.periods, prior)
-    if floor > BROKEN_RAD:
-        faults.append(BROKEN_SERIES.format(fringes.axis, floor, _culprit(fringes, sign * phases, errors, prior)))
-    elif floor > MAX_FLOOR_RAD:
-        notes.append(f"{fringes.axis} fringes: {DISAGREE.format(floor)}")
-    doubtful = unwrap(sign * phases, np.hypot(errors, floor), fringes.periods, prior).wrong > DOUBTFUL
-    if floor <= MAX_FLOOR_RAD and doubtful.mean() > MANY:
-        notes.append(f"{fringes.axis} fringes: {AMBIGUOUS.format(doubtful.mean())}")
+    floor, found, fault = _agreement(fringes, sign * phases, errors, prior)
+    notes += found
+    faults += fault
     return Survey(
         tuple(steps),
         sign,
@@ -165,6 +159,22 @@ def survey(
         tuple(map(float, excess)),
         tuple(faults),
     )
+
+
+def _agreement(
+    fringes: FringeSet, phases: FloatArray, errors: FloatArray, prior: Prior | None
+) -> tuple[float, list[str], list[str]]:
+    """Error [rad] of all phases that their noise does not explain; notes and faults of how the series agree."""
+    # not noise: what may be one and the same in all frames
+    floor = phase_floor(phases, errors, fringes.periods, prior)
+    if floor > BROKEN_RAD:
+        return floor, [], [BROKEN_SERIES.format(fringes.axis, floor, _culprit(fringes, phases, errors, prior))]
+    if floor > MAX_FLOOR_RAD:
+        return floor, [f"{fringes.axis} fringes: {DISAGREE.format(floor)}"], []
+    doubtful = unwrap(phases, np.hypot(errors, floor), fringes.periods, prior).wrong > DOUBTFUL
+    if doubtful.mean() > MANY:
+        return floor, [f"{fringes.axis} fringes: {AMBIGUOUS.format(doubtful.mean())}"], []
+    return floor, [], []
 
 
 def _second_harmonic(values: NDArray[Any], fit: SinusoidFit) -> SecondHarmonic:

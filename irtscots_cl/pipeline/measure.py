@@ -15,7 +15,7 @@ from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.coefficients import check_kind, coefficients
 from irtscots_cl.measurement.error_bars import ErrorBars, error_bars
 from irtscots_cl.measurement.light_curves import Flag
-from irtscots_cl.measurement.line_positions import with_all_lines
+from irtscots_cl.measurement.line_positions import check_fits, with_all_lines
 from irtscots_cl.measurement.methods import BEST, MEASURES, measure_by
 from irtscots_cl.measurement.one_scan import ScanEstimate
 from irtscots_cl.measurement.quality import ERROR, OK, WARNING, Check, check_images, worst
@@ -76,6 +76,7 @@ def measure(
             stack, choice = known.stack, replace(choice, use=known.usable(choice.use))
         setup = Setup(nominal)
         stack = with_all_lines(stack, nominal)
+        check_fits(stack, setup.chief_rays)
         stack = stack.saturating_at(min(find_ceiling(stack), stack.x.saturation_w, stack.y.saturation_w))
         result, bars, picture, checks = _measured(stack, setup, threshold, how, strict, choice)
         facts = measured_facts(result, how, bars, before + checks, zernike)

@@ -42,7 +42,7 @@ from irtscots_cl.pipeline.fringe_frames import check_light_and_dark, places_by_f
 from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, add_picture_facts, fringe_facts, write_fringes
 from irtscots_cl.pipeline.lab_camera import RecordedImages, recorded_images
 from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
-from irtscots_cl.pipeline.picture import MaskChoice, look_at_mirror
+from irtscots_cl.pipeline.picture import MaskChoice, MirrorPicture, look_at_mirror
 from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
 
@@ -114,14 +114,10 @@ def fringe_surface(
     refuse_bad(checks, strict)
     orientation = setup.scene.camera.detector.orientation
     on_mirror = setup.chief_rays.footprint.coverage >= COVERAGE
-    signal = mirror_signal(stack)
-    lit = mirror_mask(signal, largest=False)
-    picture = look_at_mirror(
-        upright(signal, orientation), upright(lit, orientation), setup.chief_rays, on_mirror, choice or MaskChoice()
-    )
+    picture, lit = _picture_of(stack, setup, on_mirror, choice or MaskChoice())
     checks += picture.checks
     refuse_bad(checks, False)  # marks that are mirrored; warnings wait for the other checks
-    masks = picture.masks(upright(lit, orientation), on_mirror, orientation)
+    masks = picture.masks(lit, on_mirror, orientation)
     design = _design_fractions(setup, stack)
     prior = _prior(stack, design)
     frames = places_by_frames(recorded, stack, design, prior, masks, setup, strict)
@@ -132,7 +128,7 @@ def fringe_surface(
     checks.append(
         check_saturation(found, stored(clipping, orientation), recorded.ceiling, frames.shown, images.name_in_stack)
     )
-    checks += check_geometry(found, setup, upright(lit, orientation), upright(why.used, orientation))
+    checks += check_geometry(found, setup, lit, upright(why.used, orientation))
     refuse_bad(checks, strict)
     raw, keep = found, frames.coded
     found, phases = places_of_light(raw, setup, images.manifest.levels, keep_orders=keep)
@@ -154,17 +150,22 @@ def fringe_surface(
         found,
         lambda errors: height_cost_nm(result, errors, lambda e: surface(_less(found, e))),
     )
-    return FringeResult(
-        result,
-        found,
-        reason=why.reason,
-        picture=picture,
-        transfer=frames.factors.transfer,
-        second_harmonic=second_harmonic_maps(frames.stack, found),
-        harmonics=_harmonics_left_in(
-            result, raw, phases, lambda: surface(places_with_harmonics(raw, phases, orientation, keep))
-        ),
-    ), checks
+    left_in = _harmonics_left_in(
+        result, raw, phases, lambda: surface(places_with_harmonics(raw, phases, orientation, keep))
+    )
+    maps = {"reason": why.reason, "second_harmonic": second_harmonic_maps(frames.stack, found)}
+    transfer = frames.factors.transfer
+    return FringeResult(result, found, **maps, picture=picture, transfer=transfer, harmonics=left_in), checks
+
+
+def _picture_of(
+    stack: FringeStack, setup: Setup, on_mirror: BoolArray, choice: MaskChoice
+) -> tuple[MirrorPicture, BoolArray]:
+    """What the picture of the mirror tells, and the pixels [rows, columns] upright that have light."""
+    orientation = setup.scene.camera.detector.orientation
+    signal = mirror_signal(stack)
+    lit = upright(mirror_mask(signal, largest=False), orientation)
+    return look_at_mirror(upright(signal, orientation), lit, setup.chief_rays, on_mirror, choice), lit
 
 
 def _harmonics_left_in(

@@ -91,7 +91,7 @@ def design_tables(found: PatternDesign) -> list[Table]:
 def _shown(found: PatternDesign) -> list[SetError]:
     """The best number of steps of each kind of set; three steps only where more do not fit."""
     shown: dict[object, SetError] = {}
-    for one in sorted(found.sets, key=lambda one: one.fringes is not None and one.fringes.alike):
+    for one in sorted(found.sets, key=lambda one: one.fringes is not None and not one.fringes.tells_noise):
         kind = one.lines if one.fringes is None else (one.fringes.family, len(one.fringes.periods))
         shown.setdefault(kind, one)
     return sorted(shown.values(), key=found.sets.index)

@@ -36,7 +36,7 @@ def test_marks_are_found_to_a_fraction_of_a_pixel(kind, blur):
     found = found_in(signal, kind)
     assert len(found) == len(LAB.POINTS)
     errors = [found[k].place_px - place for place, k in zip(true_places(), nearest(found, true_places()), strict=True)]
-    assert np.abs(errors).max() < 0.06  # of marks beside the rim, which have a part of their surroundings only
+    assert np.abs(errors).max() < 0.08  # of marks beside the rim, which have a part of their surroundings only
     assert np.abs(np.mean(errors, axis=0)).max() < 0.03
 
 
