@@ -20,7 +20,7 @@ import numpy as np
 from prysm.io import read_codev_gridint
 
 # three columns, two rows: counts 0 to 5 times 1000, one wave is 1000 counts
-text = "! a grid of heights\nGRD 3 2 SUR WVL 0.6328 SSZ 1000 NDA -32768\n0 1000 2000\n3000 4000 5000\n"
+text = "a grid of heights\nGRD 3 2 SUR WVL 0.6328 SSZ 1000 NDA -32768\n0 1000 2000\n3000 4000 5000\n"
 path = pathlib.Path(sys.argv[1])
 path.write_bytes(text.replace("\n", "\r\n").encode())
 heights, _ = read_codev_gridint(path)
