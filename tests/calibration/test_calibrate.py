@@ -132,7 +132,7 @@ def true_figure(grid, true) -> np.ndarray:
 ORDERS = pytest.mark.parametrize("order", [0, FIRST_ORDER], ids=["mirror as designed", "mirror terms fitted"])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @ORDERS
 def test_heights_are_wrong_by_what_the_covariance_says(order):
     """Chi-square of the Zernike terms of the height's error; DRAWS draws give the covariance."""
@@ -150,7 +150,7 @@ def test_heights_are_wrong_by_what_the_covariance_says(order):
         assert found.after_nm.max() < 5  # nm, of up to some micrometres
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @ORDERS
 def test_each_term_of_the_heights_is_wrong_by_its_standard_deviation(order):
     found = trials(order)
@@ -162,7 +162,7 @@ def test_each_term_of_the_heights_is_wrong_by_its_standard_deviation(order):
     assert np.abs(pulls.var(0) - 1).max() < limit * math.sqrt(2 / SEEDS) * 1.2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @ORDERS
 def test_unknowns_are_wrong_by_their_standard_deviations(order):
     """Pulls have mean 0, variance 1, and are normal (Kolmogorov and Smirnov)."""
@@ -174,7 +174,7 @@ def test_unknowns_are_wrong_by_their_standard_deviations(order):
     assert min(stats.kstest(pulls, "norm").pvalue for pulls in found.pulls.T) > sidak_p(count, CHANCE)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @ORDERS
 def test_residuals_are_noise(order):
     found = trials(order)

@@ -106,7 +106,7 @@ def _coefficients(result, mask, heights_mm: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(basis, values.T, rcond=None)[0].T
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("noise", [0.002, 0.01])
 def test_pulls_and_coverage_over_many_runs(noise):
     """Of slopes, heights and Zernike terms by the best measure: its errors are normal, and of the size it says."""

@@ -158,7 +158,7 @@ def test_a_gammas_error_is_part_of_the_phases():
 
 
 @pytest.mark.needs_device
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("steps", "gamma"), [(3, 1.0), (4, 1.0), (4, 2.2), (5, 2.2), (16, 1.0)])
 def test_heights_err_as_stated(steps, gamma):
     """1 % of noise: actual over stated error of heights within 10 %, slopes' pulls within 5 %, over 40 seeds."""

@@ -180,7 +180,7 @@ def test_the_prediction_holds_on_a_few_scenes(number, measure, device):
     assert_predicted(number, measure, device)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("number", range(28))
 def test_the_prediction_holds_on_scenes_of_every_kind(number, device):
     for measure in NOISE_FREE:
