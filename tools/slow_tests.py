@@ -18,7 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LIST = ROOT / "tests" / "slow_tests.txt"
-LIMIT_S = 1.0
+LIMIT_S = 0.8
 PASSES = 2
 HEAD = (
     f"# Tests of more than {LIMIT_S} s of processor time, as tools/slow_tests.py found them; conftest.py marks them.\n"
