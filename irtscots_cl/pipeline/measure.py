@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -25,7 +27,7 @@ from irtscots_cl.measurement.scan_estimates import estimate_centroids
 from irtscots_cl.measurement.screen_places import PLACES
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.output import open_output_folder, version_attributes
-from irtscots_cl.pipeline.picture import MaskChoice, MirrorPicture, add_facts, picture_of_scans
+from irtscots_cl.pipeline.picture import HALF, MaskChoice, MirrorPicture, add_facts, picture_of_scans
 from irtscots_cl.report.along_axes import AlongAxes
 from irtscots_cl.report.quality import check_facts, fit_facts, island_facts, misfit_facts, quality_checks
 from irtscots_cl.report.result_file import write_result
@@ -41,6 +43,16 @@ DIFFERENCE = 3.0  # standard errors of the height: a measure that differs by mor
 
 class RefusedImagesError(ValueError):
     """The images cannot be of this scene, or cannot be measured. The message is one line."""
+
+
+@contextmanager
+def named(source: object) -> Iterator[None]:
+    """Errors of what is done within are named by their source, a file; a refusal stays a refusal."""
+    try:
+        yield
+    except ValueError as error:
+        kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
+        raise kind(f"{source}: {error}") from None
 
 
 def measure(
@@ -67,7 +79,7 @@ def measure(
     from irtscots_cl.report.figures import write_figures
 
     check_kind(zernike)
-    try:
+    with named(source):
         choice = choice or MaskChoice()
         known = _calibrated(stack, nominal, camera)
         before = [] if known is None else known.checks
@@ -85,9 +97,6 @@ def measure(
         if known is not None:
             facts["camera"] = known.facts
         refuse_bad(checks, strict)
-    except ValueError as error:
-        kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
-        raise kind(f"{source}: {error}") from None
     attributes = {"scene": nominal.to_toml(), "measure": how} | version_attributes()
     with open_output_folder(folder):
         write_result(folder / "result.h5", stack, result, attributes, bars)
@@ -112,7 +121,7 @@ def _measured(
         stack = stack.masked(choice.use)
     picture = picture_of_scans(stack, setup.chief_rays, choice)
     if picture is not None:
-        on_mirror = setup.chief_rays.footprint.coverage >= 0.5
+        on_mirror = setup.chief_rays.footprint.coverage >= HALF
         if (picture.off_edge & on_mirror | picture.on_mark).any():
             stack = stack.masked(~(picture.off_edge | picture.on_mark))
     estimates = estimate_centroids(stack, setup, BEST)

@@ -23,7 +23,7 @@ from irtscots_cl.measurement.reconstruction import design_points
 from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_places
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.lab_camera import RecordedImages, recorded_images
-from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
+from irtscots_cl.pipeline.measure import measured_facts, named, refuse_bad
 from irtscots_cl.pipeline.places import excluded, median_errors, pixels_to_use, without_bad, write_places
 from irtscots_cl.report.fringe_file import Rows
 from irtscots_cl.report.types import MeasuredFacts
@@ -54,11 +54,8 @@ def measure_dots(
     images = open_fringe_images(paths, nominal, manifest, camera)
     setup = Setup(nominal)
     use = pixels_to_use(mask, fiducials, setup)
-    try:
+    with named(images.manifest.path):
         return _measured(recorded_images(images), setup, folder, strict, use, zernike)
-    except ValueError as error:
-        kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
-        raise kind(f"{images.manifest.path}: {error}") from None
 
 
 def dots_of(

@@ -41,7 +41,7 @@ from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.fringe_frames import check_light_and_dark, places_by_frames
 from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, add_picture_facts, fringe_facts, write_fringes
 from irtscots_cl.pipeline.lab_camera import RecordedImages, recorded_images
-from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
+from irtscots_cl.pipeline.measure import measured_facts, named, refuse_bad
 from irtscots_cl.pipeline.picture import MaskChoice, MirrorPicture, look_at_mirror
 from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
@@ -77,16 +77,13 @@ def measure_fringes(
     nominal = scene.nominal()
     images = open_fringe_images(paths, nominal, manifest, camera)
     choice = MaskChoice.of(mask, fiducials, nominal, nominal.camera.detector.orientation)
-    try:
+    with named(images.manifest.path):
         recorded = recorded_images(images)
         found, checks = fringe_surface(recorded, Setup(nominal), strict, choice)
         bars = error_bars(found.result)
         assert bars is not None and found.reason is not None
         facts = measured_facts(found.result, FRINGES, bars, checks, zernike)
         refuse_bad(checks, strict)
-    except ValueError as error:
-        kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
-        raise kind(f"{images.manifest.path}: {error}") from None
     told = fringe_facts(found)
     told["excluded"] = Exclusions(found.reason).counts(found.stored(found.result.on_mirror))
     facts["fringes"] = told

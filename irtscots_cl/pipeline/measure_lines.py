@@ -13,7 +13,7 @@ from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.measurement.methods import BEST
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.lab_camera import recorded_images
-from irtscots_cl.pipeline.measure import RefusedImagesError, measure, refuse_bad
+from irtscots_cl.pipeline.measure import measure, named, refuse_bad
 from irtscots_cl.pipeline.picture import MaskChoice
 from irtscots_cl.report.quality import check_facts
 from irtscots_cl.report.types import MeasuredFacts
@@ -41,12 +41,9 @@ def measure_lines(
     nominal = scene.nominal()
     images = open_fringe_images(paths, nominal, manifest, camera)
     source = str(images.manifest.path)
-    try:
+    with named(source):
         recorded = recorded_images(images)
         refuse_bad(recorded.checks, strict)
-    except ValueError as error:
-        kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
-        raise kind(f"{source}: {error}") from None
     own, stack = line_stack(recorded.images, nominal, recorded.limit)
     parts = own.screen.pixels[0] // nominal.screen.pixels[0]
     if parts > 1:

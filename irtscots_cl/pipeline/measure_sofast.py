@@ -23,7 +23,7 @@ from irtscots_cl.measurement.screen_coordinates import find_mask, screen_coordin
 from irtscots_cl.measurement.screen_places import ScreenPlaces, check_pixels, surface_from_places
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, add_picture_facts, fringe_facts, write_fringes
-from irtscots_cl.pipeline.measure import RefusedImagesError, measured_facts, refuse_bad
+from irtscots_cl.pipeline.measure import measured_facts, named, refuse_bad
 from irtscots_cl.pipeline.picture import HALF, MaskChoice, look_at_mirror
 from irtscots_cl.report.quality import check_facts
 from irtscots_cl.report.types import GeometryFacts, MeasuredFacts
@@ -135,7 +135,7 @@ def measure_sofast(
     """
     check_kind(zernike)
     measurement = read_sofast_measurement(path)
-    try:
+    with named(path):
         found = sofast_surface(measurement, setup, saturation, mask, fiducials)
         bars = error_bars(found.result)
         assert bars is not None
@@ -145,9 +145,6 @@ def measure_sofast(
             checks = [replace(check, level=OK) if check.name == "zernike terms" else check for check in checks]
             facts["checks"] = check_facts(checks)
         refuse_bad(checks, strict)
-    except ValueError as error:
-        kind = RefusedImagesError if isinstance(error, RefusedImagesError) else ValueError
-        raise kind(f"{path}: {error}") from None
     facts["fringes"] = fringe_facts(found)
     add_picture_facts(facts, found)
     if found.lab is not None and setup.folder is not None:
