@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.screen_coordinates import AxisCoordinates
-
-Remeasured = Callable[[dict[str, FloatArray]], Reconstruction]
 
 
 def fraction_error(one: AxisCoordinates, added: FloatArray) -> FloatArray:
@@ -34,12 +30,8 @@ def fraction_error(one: AxisCoordinates, added: FloatArray) -> FloatArray:
     return (-1 if one.fringes.reverse else 1) * total / weights
 
 
-def height_cost_nm(result: Reconstruction, errors: dict[str, FloatArray], remeasured: Remeasured) -> float:
-    """rms over the pixels, piston and tilt removed, that errors of the fractions [rows, columns] make of the height.
-
-    remeasured: the surface with the fractions less these errors.
-    """
-    other = remeasured(errors)
+def height_cost_nm(result: Reconstruction, other: Reconstruction) -> float:
+    """rms over the pixels, piston and tilt removed, of the height by which two surfaces of the same mirror differ."""
     both = result.height_mask & other.height_mask
     differ = result.deviation_mm - other.deviation_mm
     return rms(remove_terms(result.x_mm, result.y_mm, differ, both, "piston_tilt"), both) * 1e6

@@ -53,11 +53,6 @@ class MirrorOutline:
         return error
 
     @property
-    def mm_per_pixel(self) -> float:
-        """Side in mm of the square with a pixel's area on the mirror."""
-        return float(np.sqrt(abs(np.linalg.det(self.mm_per_px))))
-
-    @property
     def whole(self) -> BoolArray:
         """Pixels [rows, columns] that lie wholly on the mirror."""
         return np.asarray(self.coverage >= WHOLE)

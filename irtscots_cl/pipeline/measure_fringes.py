@@ -14,7 +14,6 @@ from irtscots_cl.imaging.fringe_images import open_fringe_images
 from irtscots_cl.imaging.fringes import FringeSet, FringeStack
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
-from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.coefficients import check_kind
 from irtscots_cl.measurement.error_bars import error_bars
 from irtscots_cl.measurement.fringe_costs import fraction_error, height_cost_nm
@@ -47,7 +46,6 @@ from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
 
 METHOD = "cubic"  # of integration
-PLANE = "piston_tilt"
 PRIOR_PERIODS = 0.1  # of the lowest series: how well the design is taken to tell a place, where no series does
 COVERAGE = 0.5  # least share of a pixel's footprint that lies on the mirror
 
@@ -142,17 +140,15 @@ def fringe_surface(
 
     result = surface(found)
     checks = _with_costs(
-        checks,
-        frames.factors,
-        found,
-        lambda errors: height_cost_nm(result, errors, lambda e: surface(_less(found, e))),
+        checks, frames.factors, found, lambda errors: height_cost_nm(result, surface(_less(found, errors)))
     )
     left_in = _harmonics_left_in(
         result, raw, phases, lambda: surface(places_with_harmonics(raw, phases, orientation, keep))
     )
-    maps = {"reason": why.reason, "second_harmonic": second_harmonic_maps(frames.stack, found)}
-    transfer = frames.factors.transfer
-    return FringeResult(result, found, **maps, picture=picture, transfer=transfer, harmonics=left_in), checks
+    second, transfer = second_harmonic_maps(frames.stack, found), frames.factors.transfer
+    return FringeResult(
+        result, found, reason=why.reason, picture=picture, transfer=transfer, second_harmonic=second, harmonics=left_in
+    ), checks
 
 
 def _picture_of(
@@ -175,9 +171,7 @@ def _harmonics_left_in(
     bias = harmonic_bias(raw, phases, result.mask)
     if not bias:
         return {}
-    change = other().deviation_mm - result.deviation_mm
-    mask = result.mask & np.isfinite(change)
-    nm = rms(remove_terms(result.x_mm, result.y_mm, change, mask, PLANE), mask) * 1e6
+    nm = height_cost_nm(result, other())
     return {axis: replace(one, height_nm=nm) for axis, one in bias.items()}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion, binary_fill_holes
@@ -14,8 +14,6 @@ from irtscots_cl.imaging.mark_files import Marks, read_marks
 from irtscots_cl.imaging.mask_files import AUTO, DESIGN, check_mask_lies, mask_file, read_mask
 from irtscots_cl.imaging.orientation import stored
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
-from irtscots_cl.measurement.fiducial_checks import SceneChange, fiducial_checks, suggested_change
-from irtscots_cl.measurement.fiducial_mapping import FiducialMap, MirroredMarksError, map_fiducials
 from irtscots_cl.measurement.mirror_mask import largest_region, mirror_mask
 from irtscots_cl.measurement.mirror_outline import NoOutlineError
 from irtscots_cl.measurement.outline_checks import MirrorOutline, find_outline, outline_checks
@@ -25,6 +23,10 @@ from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.report.picture import fiducial_facts, outline_facts
 from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
+
+if TYPE_CHECKING:
+    from irtscots_cl.measurement.fiducial_checks import SceneChange
+    from irtscots_cl.measurement.fiducial_mapping import FiducialMap
 
 SURE = 0.4  # share on the mirror by the picture, below which a pixel is left out: half, less what the edge is unsure by
 HALF = 0.5  # share of a pixel on the design's mirror
@@ -110,6 +112,9 @@ def look_at_mirror(
     found, change, marked = None, None, np.zeros(lit.shape, bool)
     on_marks: list[Check] = []
     if choice.marks is not None:
+        from irtscots_cl.measurement.fiducial_checks import fiducial_checks, suggested_change  # few mirrors have marks
+        from irtscots_cl.measurement.fiducial_mapping import MirroredMarksError, map_fiducials
+
         mirror = _region(lit) if outline is None else outline.coverage > 0
         try:
             found = map_fiducials(signal, mirror, chief, choice.marks)

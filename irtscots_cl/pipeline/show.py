@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from irtscots_cl.imaging.fringe_manifest import CAMERA, NAME, FringeManifest, frames_of, manifest_text
+from irtscots_cl.imaging.fringe_manifest import CAMERA, NAME, FringeManifest, manifest_text
 from irtscots_cl.imaging.fringes import FringeSet
 from irtscots_cl.imaging.screen_pictures import as_picture, upright_values, usual_periods, write_picture
 from irtscots_cl.imaging.shown_frames import PICTURE, ShownFrame
@@ -42,11 +42,6 @@ def usual_light(scene: Scene) -> list[tuple[float, float]]:
         half_width, along_row, along_column = (np.broadcast_to(v, seen.shape)[seen] for v in chief.light_shape(k))
         found.append((float(np.nanmedian(half_width)), float(np.nanmedian(along_row + along_column))))
     return found
-
-
-def show(scene: Scene, folder: Path, sets: Sequence[FringeSet], bits: int = 8) -> FringeManifest:
-    """Write the pictures of fringes, of a dark and of a white screen, and the manifest: see show_frames."""
-    return show_frames(scene, folder, frames_of(sets), bits)
 
 
 def show_frames(

@@ -4,7 +4,7 @@ from typing import TypedDict
 
 
 class AlongAxes(TypedDict):
-    """A number along the screen's x and along its y."""
+    """A number along x and along y, of the screen or of the mirror as the key says."""
 
     x: float
     y: float

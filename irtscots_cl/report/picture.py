@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.measurement.fiducial_checks import SceneChange
-from irtscots_cl.measurement.fiducial_mapping import FiducialMap
 from irtscots_cl.measurement.mirror_outline import OutlineFit
 from irtscots_cl.measurement.outline_checks import MirrorOutline
-from irtscots_cl.report.picture_types import FiducialFacts, MarkFacts, OutlineFacts, PlaceFacts, RimFacts
+from irtscots_cl.report.along_axes import AlongAxes
+from irtscots_cl.report.picture_types import FiducialFacts, MarkFacts, OutlineFacts, RimFacts
 from irtscots_cl.report.table import Table
 from irtscots_cl.report.types import MeasuredFacts
+
+if TYPE_CHECKING:  # few mirrors have marks
+    from irtscots_cl.measurement.fiducial_checks import SceneChange
+    from irtscots_cl.measurement.fiducial_mapping import FiducialMap
 
 
 def outline_facts(found: MirrorOutline) -> OutlineFacts:
@@ -36,7 +39,7 @@ def _rim(fit: OutlineFit) -> RimFacts:
     }
 
 
-def _place(values: FloatArray) -> PlaceFacts:
+def _place(values: FloatArray) -> AlongAxes:
     return {"x": float(values[0]), "y": float(values[1])}
 
 

@@ -2,12 +2,7 @@
 
 from typing import Any, NotRequired, TypedDict
 
-
-class PlaceFacts(TypedDict):
-    """Along the mirror's x and y, or along rows and columns."""
-
-    x: float
-    y: float
+from irtscots_cl.report.along_axes import AlongAxes
 
 
 class MaskFacts(TypedDict):
@@ -35,8 +30,8 @@ class RimFacts(TypedDict):
 class OutlineFacts(RimFacts):
     """The mirror's rim. shift_mm: on the mirror. hole: of its central hole."""
 
-    shift_mm: PlaceFacts
-    shift_standard_error_mm: PlaceFacts
+    shift_mm: AlongAxes
+    shift_standard_error_mm: AlongAxes
     hole: NotRequired[RimFacts]
 
 
@@ -47,9 +42,9 @@ class MarkFacts(TypedDict):
     found: bool
     row: float
     column: float
-    error_mm: PlaceFacts
-    standard_error_mm: PlaceFacts
-    left_mm: PlaceFacts
+    error_mm: AlongAxes
+    standard_error_mm: AlongAxes
+    left_mm: AlongAxes
 
 
 class FiducialFacts(TypedDict):
@@ -59,8 +54,8 @@ class FiducialFacts(TypedDict):
     marks: list[MarkFacts]
     rms_mm: float
     left_mm_rms: NotRequired[float]
-    offset_mm: NotRequired[PlaceFacts]
-    offset_standard_error_mm: NotRequired[PlaceFacts]
+    offset_mm: NotRequired[AlongAxes]
+    offset_standard_error_mm: NotRequired[AlongAxes]
     turn_mrad: NotRequired[float]
     turn_standard_error_mrad: NotRequired[float]
     scale: NotRequired[float]

@@ -39,6 +39,6 @@ def test_the_cost_is_the_height_without_piston_and_tilt():
         mask = np.ones(SHAPE, bool)
         return SimpleNamespace(deviation_mm=bent, height_mask=mask, x_mm=column, y_mm=row)
 
-    one = height_cost_nm(surface({"x": 0.0}), {"x": 1.0}, surface)
-    assert one > 1 and height_cost_nm(surface({"x": 0.0}), {"x": 2.0}, surface) == pytest.approx(2 * one)
-    assert height_cost_nm(surface({"x": 1.0}), {"x": 1.0}, surface) == pytest.approx(0, abs=1e-6)
+    one = height_cost_nm(surface({"x": 0.0}), surface({"x": 1.0}))
+    assert one > 1 and height_cost_nm(surface({"x": 0.0}), surface({"x": 2.0})) == pytest.approx(2 * one)
+    assert height_cost_nm(surface({"x": 1.0}), surface({"x": 1.0})) == pytest.approx(0, abs=1e-6)
