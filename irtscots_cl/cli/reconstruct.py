@@ -218,10 +218,8 @@ def _line_scans(options: argparse.Namespace) -> int:
 
 
 def _tell(options: argparse.Namespace, facts: MeasuredFacts, folder: Path) -> int:
-    from irtscots_cl.report.fringe_tables import fringe_tables
-    from irtscots_cl.report.image_tables import image_tables
-    from irtscots_cl.report.picture import picture_tables
-    from irtscots_cl.report.tables import cautions, measured_tables
+    from irtscots_cl.report.measurement_tables import measurement_tables
+    from irtscots_cl.report.tables import cautions
     from irtscots_cl.system.atomic_files import plain
 
     warn_of(facts["checks"])
@@ -230,7 +228,6 @@ def _tell(options: argparse.Namespace, facts: MeasuredFacts, folder: Path) -> in
     if options.json:
         print_json(plain(facts))
     else:
-        tables = measured_tables(facts) + fringe_tables(facts) + picture_tables(facts) + image_tables(facts)
-        print_tables(tables)
+        print_tables(measurement_tables(facts))
         print(f"results in {folder}")
     return 0
