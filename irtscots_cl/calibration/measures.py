@@ -221,7 +221,7 @@ def _references(observation: Observation, own: FloatArray) -> list[Further]:
     known = f", known to {REFERENCE_UM * 1e3:.0f} nm rms"
     found: list[Further] = []
     found.append((f"reference of the mirror's own form{known}", _with_reference(observation, own), ""))
-    flat = replace(setup.chief_rays.surface, quadric=Quadric(0.0, 0.0, 0.0), deviation=None)
+    flat = replace(setup.chief_rays.surface, quadric=Quadric(0.0, 0.0, 0.0), design=(), deviation=())
     name, chief = f"reference flat{known}", _OtherMirror(setup.scene, flat)
     row, column = (v.ravel() for v in np.meshgrid(seen.row, seen.column, indexing="ij"))
     points, u, v = chief.reverse(row, column)

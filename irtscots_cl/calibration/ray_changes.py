@@ -18,7 +18,7 @@ from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.screen_model import ScreenModel
 from irtscots_cl.optics.surface import Surface
 
-DEVIATION_STEP = 1e-3  # of the Zernike disk's radius, of five-point differences of the deviation's slopes
+DEPARTURE_STEP = 1e-3  # of their radius, of five-point differences of the departures' slopes
 GLASS_STEP = (1e-2, 1e-4)  # mm and slope: the derivatives of a cover glass's shift to 1e-8 of themselves
 
 
@@ -117,20 +117,20 @@ def _end_rows(screen: ScreenModel, u: FloatArray, v: FloatArray, outgoing: Float
 
 
 def _bend(surface: Surface, points: FloatArray) -> FloatArray:
-    """Second derivatives [n, 2, 2] of the surface's height at points [n, 3]; of the deviation, by differences."""
+    """Second derivatives [n, 2, 2] of the surface's height at points [n, 3]; of the departures, by differences."""
     (x, y, z), q = points.T, surface.quadric
-    height = z if surface.deviation is None else q.meet(x, y, 0.0, 0.0)
+    height = z if not surface.departures else q.meet(x, y, 0.0, 0.0)
     slope_x, slope_y = q.gradient(x, y, height)
     down = 1.0 - q.q_zz * height - q.q_xz * x
     xx = (q.q_xx + 2 * q.q_xz * slope_x + q.q_zz * slope_x**2) / down
     xy = (q.q_xz + q.q_zz * slope_x) * slope_y / down
     yy = (q.q_yy + q.q_zz * slope_y**2) / down
     bend = np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -1)
-    if surface.deviation is not None:
-        step = DEVIATION_STEP * surface.deviation_radius_mm
+    if surface.departures:
+        step = DEPARTURE_STEP * surface.departure_radius_mm
         for k, (a, b) in enumerate(((step, 0.0), (0.0, step))):
             for where, weight in ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12)):
-                bend[..., k] += weight / step * np.stack(surface.deviation_at(x + where * a, y + where * b)[1:], -1)
+                bend[..., k] += weight / step * np.stack(surface.departure_at(x + where * a, y + where * b)[1:], -1)
     return bend
 
 

@@ -145,6 +145,7 @@ def frame_dtype(real) -> np.dtype:
 def mirror_dtype(real, deviated: bool, annular: bool) -> np.dtype:
     """The mirror's quadric (quadric.Quadric) and aperture, with only the fields that the scene's kernels read."""
     names = ["q_xx", "q_yy", "q_zz", "q_xz", "aperture_radius2"] + ["obscuration_radius2"] * annular
+    names += ["departure_radius2"] * deviated  # beyond which no line meets the mirror
     return np.dtype([(name, real) for name in names] + [("newton_steps", np.int32)] * deviated, align=True)
 
 
@@ -175,14 +176,12 @@ def zernike_power_dtype(real, coefficients: int) -> np.dtype:
     return np.dtype([("inverse_radius", real), ("coefficient", real, coefficients)], align=True)
 
 
-def scene_dtype(
-    real, mirror: np.dtype, zernike: np.dtype | None, lens: np.dtype | None = None, glass: bool = False
-) -> np.dtype:
+def scene_dtype(real, mirror: np.dtype, parts: dict[str, np.dtype], glass: bool = False) -> np.dtype:
     """The values of the scene that are the same for all rays.
 
     Pitches (x, y) of the detector are those at the image distance. detector_left, detector_top: what turns image points
-    over the pitch into pixels from the detector's first edges; screen_left, screen_top: the same for the screen. lens:
-    of a camera with distortion. glass: whether the screen has a cover glass.
+    over the pitch into pixels from the detector's first edges; screen_left, screen_top: the same for the screen. parts:
+    fields that few scenes have, and their structures. glass: whether the screen has a cover glass.
     """
     names = (
         *("screen_pitch_x", "screen_pitch_y", "inverse_screen_pitch_x", "inverse_screen_pitch_y"),
@@ -196,7 +195,7 @@ def scene_dtype(
         [("mirror", mirror), ("screen", frame_dtype(real)), ("camera", frame_dtype(real))]
         + [(name, real) for name in names]
         + [("detector_columns", np.int32), ("detector_rows", np.int32)]
-        + [(name, dtype) for name, dtype in (("zernike", zernike), ("lens", lens)) if dtype is not None],
+        + list(parts.items()),
         align=True,
     )
 

@@ -5,14 +5,18 @@ The device kernels have their own single-precision versions (kernels/mirror/surf
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from irtscots_cl.maths.quadric import Quadric
-from irtscots_cl.maths.zernike.indices import index_to_nm
-from irtscots_cl.maths.zernike.series import RadialSeries, evaluate_series, radial_series
+from irtscots_cl.optics.departure import Departure, design_departures, deviations
 from irtscots_cl.system import interruption
+
+MAX_STEPS = 50  # from the quadric to the surface; each is shorter by the departure's slope times the ray's
+NEAR_MM = 1e-9  # a last step shorter than that leaves far less: slopes of surfaces are small
 
 # polynomials overflow far outside the mirror; a ray parallel to z = 0 has no point there
 _BESIDE = np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -20,63 +24,66 @@ _BESIDE = np.errstate(over="ignore", invalid="ignore", divide="ignore")
 
 @dataclass(frozen=True)
 class Surface:
-    """Design quadric plus an optional Zernike deviation along z, inside a circular or annular aperture.
+    """A quadric plus departures along z, inside a circular or annular aperture.
 
-    deviation: series of Zernike terms in mm over the disk of radius deviation_radius_mm, or None.
+    design: departures of the design; deviation: those of the mirror as made from its design.
     """
 
     quadric: Quadric
     aperture_radius_mm: float
     obscuration_radius_mm: float = 0.0
-    deviation: RadialSeries | None = None
-    deviation_radius_mm: float = 1.0
+    design: tuple[Departure, ...] = ()
+    deviation: tuple[Departure, ...] = ()
 
     @classmethod
     def of(cls, mirror) -> Surface:
         """Surface of a scene's mirror (irtscots_cl.scene.Mirror)."""
-        coefficients: dict[tuple[int, int], float] = {}
-        for terms in mirror.zernike:
-            for index, value_um in terms.coefficients_um.items():
-                nm = index_to_nm(index, terms.ordering)
-                coefficients[nm] = coefficients.get(nm, 0.0) + value_um * 1e-3
-        coefficients = {nm: value for nm, value in coefficients.items() if value != 0}
         return cls(
             Quadric.conic(mirror.radius_mm, mirror.conic, mirror.off_axis_mm),
             mirror.diameter_mm / 2,
             mirror.obscuration_mm / 2,
-            radial_series(coefficients) if coefficients else None,
-            mirror.zernike[0].radius_mm if coefficients else 1.0,
+            design_departures(mirror),
+            deviations(mirror),
         )
+
+    @property
+    def departures(self) -> tuple[Departure, ...]:
+        """All that is added to the quadric."""
+        return self.design + self.deviation
+
+    @property
+    def departure_radius_mm(self) -> float:
+        """Radius [mm] within which all departures are defined; inf without any."""
+        return min((departure.radius_mm for departure in self.departures), default=math.inf)
 
     def contains(self, x_mm, y_mm, margin_mm: float = 0.0) -> np.ndarray:
         """Whether points lie in the aperture, widened by margin_mm at its rim and at the hole's."""
         radius = np.hypot(x_mm, y_mm)
         return (radius <= self.aperture_radius_mm + margin_mm) & (radius >= self.obscuration_radius_mm - margin_mm)
 
-    @_BESIDE
     def deviation_at(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Deviation from the design [mm] and its slopes dz/dx, dz/dy at points of any one shape."""
-        if self.deviation is None:
-            zero = np.zeros(np.broadcast_shapes(np.shape(x_mm), np.shape(y_mm)))
-            return zero, zero, zero
-        scale = 1.0 / self.deviation_radius_mm
-        height, slope_x, slope_y = evaluate_series(self.deviation, x_mm * scale, y_mm * scale)
-        return height, slope_x * scale, slope_y * scale
+        return _sum(self.deviation, x_mm, y_mm)
+
+    def departure_at(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Height above the quadric [mm] and its slopes dz/dx, dz/dy at points of any one shape."""
+        return _sum(self.departures, x_mm, y_mm)
 
     def sag(self, x_mm, y_mm) -> np.ndarray:
         """Height of the surface above z = 0 [mm]."""
-        return self.quadric.meet(x_mm, y_mm, 0.0, 0.0) + self.deviation_at(x_mm, y_mm)[0]
+        return self.quadric.meet(x_mm, y_mm, 0.0, 0.0) + self.departure_at(x_mm, y_mm)[0]
 
     def gradient(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray]:
         """Slopes dz/dx, dz/dy of the surface."""
         design = self.quadric.gradient(x_mm, y_mm, self.quadric.meet(x_mm, y_mm, 0.0, 0.0))
-        _, slope_x, slope_y = self.deviation_at(x_mm, y_mm)
+        _, slope_x, slope_y = self.departure_at(x_mm, y_mm)
         return design[0] + slope_x, design[1] + slope_y
 
     @_BESIDE
-    def meet(self, points_mm, directions, newton_steps: int = 2) -> tuple[np.ndarray, np.ndarray]:
+    def meet(self, points_mm, directions, newton_steps: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Follow rays from world points [..., 3] along directions [..., 3] to the surface.
 
+        newton_steps: from the quadric to the surface; None for as many as it takes.
         Returns the points [..., 3] (NaN where a ray misses the surface; the aperture is ignored) and the
         directions after reflection [..., 3] (not normalised).
         """
@@ -86,13 +93,15 @@ class Surface:
         x, y = x0 + p * z, y0 + q * z
         interruption.check()  # maps of a large detector take seconds
         slope_x, slope_y = self.quadric.gradient(x, y, z)
-        # polynomials grow fast outside their disk: from 2 % outside, beyond any mirror, use the design surface
-        defined = np.hypot(x, y) <= 1.02 * self.deviation_radius_mm
-        for _ in range(newton_steps if self.deviation is not None else 0):
-            height = np.where(defined, self.deviation_at(x, y)[0], 0.0)
-            z = base + height / (1.0 - p * slope_x - q * slope_y)
+        # polynomials grow fast outside their disk: from 2 % outside, beyond any mirror, use the quadric
+        defined = np.hypot(x, y) <= 1.02 * self.departure_radius_mm
+        for _ in range((MAX_STEPS if newton_steps is None else newton_steps) if self.departures else 0):
+            height = np.where(defined, self.departure_at(x, y)[0], 0.0)
+            before, z = z, base + height / (1.0 - p * slope_x - q * slope_y)
             x, y = x0 + p * z, y0 + q * z
-        interruption.check()
+            interruption.check()
+            if newton_steps is None and not np.any(np.abs(z - before) > NEAR_MM):
+                break
         slope_x, slope_y = self.gradient(x, y)
         interruption.check()
         normal = np.stack([-slope_x, -slope_y, np.ones_like(z)], -1)
@@ -100,3 +109,13 @@ class Surface:
         interruption.check()
         outgoing = directions - 2.0 * np.sum(directions * normal, -1, keepdims=True) * normal
         return np.stack([x, y, z], -1), outgoing
+
+
+@_BESIDE
+def _sum(departures: Iterable[Departure], x_mm, y_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The sum of departures' heights [mm] and slopes at points of any one shape."""
+    height = slope_x = slope_y = np.zeros(np.broadcast_shapes(np.shape(x_mm), np.shape(y_mm)))
+    for departure in departures:
+        more = departure.at(x_mm, y_mm)
+        height, slope_x, slope_y = height + more[0], slope_x + more[1], slope_y + more[2]
+    return height, slope_x, slope_y

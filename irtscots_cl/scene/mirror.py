@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Annotated, Any, Literal
 
@@ -96,6 +97,10 @@ class Mirror:
     @property
     def is_flat(self) -> bool:
         return math.isinf(self.radius_mm)
+
+    def nominal(self) -> Mirror:
+        """The mirror as designed, without its deviations."""
+        return dataclasses.replace(self, zernike=())
 
     def parent_sag_mm(self, r_mm: float) -> float:
         """Height in mm of the parent above its vertex's plane, at r_mm from its axis; below 0 if it is convex."""

@@ -26,8 +26,13 @@ from irtscots_cl.scene.validation import SceneName, checked, nearest, problem, r
 
 VIEW_RINGS, VIEW_ANGLES = 4, 32  # of the mirror, where it is looked for in a device's view
 MAX_ELEMENTS = 16  # besides the scene's own: all events of an element fit six bits of a path
-# Tables that few scenes have, of the screen, the camera, its detector, and the scene itself.
-OPTIONAL_TABLES = (("response", "shape", "cover_glass", "lines"), ("intrinsics",), ("noise",), ("calibration",))
+OPTIONAL_TABLES = {  # keys of tables that few scenes have, by the path of the table that holds them
+    ("mirror",): (),
+    ("screen",): ("response", "shape", "cover_glass", "lines"),
+    ("camera",): ("intrinsics",),
+    ("camera", "detector"): ("noise",),
+    (): ("calibration",),
+}
 ZERNIKE_KEYS = {"noll_um": "noll", "fringe_um": "fringe", "osa_um": "osa"}
 
 
@@ -100,8 +105,8 @@ class Scene:
         return self.camera.detector.noise is not None or self.screen.response is not None
 
     def nominal(self) -> Scene:
-        """The same test of the mirror as designed, without its deviation."""
-        return dataclasses.replace(self, mirror=dataclasses.replace(self.mirror, zernike=()))
+        """The same test of the mirror as designed, without its deviations."""
+        return dataclasses.replace(self, mirror=self.mirror.nominal())
 
     def to_toml(self) -> str:
         """TOML text that loads back to an equal scene."""
@@ -125,12 +130,13 @@ def _sees_mirror(device: Screen | Camera, mirror: Mirror) -> bool:
 
 def _has_optional_tables(data: dict[str, Any]) -> bool:
     """Whether the data of a file have a table of optional_tables.KINDS."""
-    screen, camera = data.get("screen"), data.get("camera")
-    detector = camera.get("detector") if isinstance(camera, dict) else None
-    return any(
-        isinstance(table, dict) and any(key in table for key in keys)
-        for table, keys in zip((screen, camera, detector, data), OPTIONAL_TABLES, strict=True)
-    )
+    for path, keys in OPTIONAL_TABLES.items():
+        table: object = data
+        for step in path:
+            table = table.get(step) if isinstance(table, dict) else None
+        if isinstance(table, dict) and any(key in table for key in keys):
+            return True
+    return False
 
 
 # --- the TOML form ------------------------------------------------------------------------------------------

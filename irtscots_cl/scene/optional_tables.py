@@ -22,17 +22,18 @@ KINDS = {  # path of keys -> (module of irtscots_cl.scene, its checked dataclass
     ("screen", "lines"): ("screen_shape", "ScanLines"),
     ("calibration",): ("calibration_known", "Calibration"),
 }
+LISTS: dict[tuple[str, ...], tuple[str, str]] = {}  # the same for arrays of tables
 FILES = ("quantum_efficiency_map", "brightness_map")  # keys whose value is a path
 _adapter = functools.cache(TypeAdapter)
 
 
 def _kind(steps: tuple[str, ...]) -> Any:
-    module, name = KINDS[steps]
+    module, name = (KINDS | LISTS)[steps]
     return getattr(import_module(f"irtscots_cl.scene.{module}"), name)
 
 
 def checked_tables(data: dict[str, Any], source: str) -> dict[str, Any]:
-    """The data of a scene file with the tables of KINDS, where it has them, replaced by checked dataclasses.
+    """The data of a scene file with the tables of KINDS and LISTS, where it has them, replaced by checked dataclasses.
 
     Paths in them are relative to the folder of the file `source`. Raises SceneError.
     """
@@ -44,6 +45,12 @@ def checked_tables(data: dict[str, Any], source: str) -> dict[str, Any]:
             table = with_camera_file(table, source, steps, _at(data, ("camera", "detector", "pixels")))
         if table is not None:
             data = _replaced(data, steps, _checked(_kind(steps), table, source, steps))
+    for steps in LISTS:
+        tables = _at(data, steps)
+        if isinstance(tables, list):
+            kind = _kind(steps)
+            made = tuple(_checked(kind, table, source, (*steps, k)) for k, table in enumerate(tables))
+            data = _replaced(data, steps, made)
     return data
 
 
@@ -86,9 +93,10 @@ def _refuse_others(data: dict[str, Any], allowed: dict[str, Any], source: str, s
             _refuse_others(value, allowed[key], source, (*steps, key))
 
 
-def _checked(kind: Any, table: object, source: str, steps: tuple[str, ...]) -> Any:
+def _checked(kind: Any, table: object, source: str, steps: tuple[Any, ...]) -> Any:
     if not isinstance(table, dict):
-        raise problem(source, steps, f"must be a table [{'.'.join(steps)}]", table)
+        named = f"[{'.'.join(step for step in steps if isinstance(step, str))}]"
+        raise problem(source, steps, f"must be a table {f'[{named}]' if steps[:-1] in LISTS else named}", table)
     try:
         found = _adapter(kind).validate_python(table)
     except ValidationError as error:

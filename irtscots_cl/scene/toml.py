@@ -6,6 +6,8 @@ import dataclasses
 import re
 from typing import Any
 
+LISTS = ("element",)  # fields that are arrays of tables; [[mirror.zernike]] has a form of its own
+
 
 def _toml_value(value: Any) -> str:
     if isinstance(value, str):
@@ -36,14 +38,14 @@ def toml_table(path: tuple[str, ...], part: Any) -> str:
             tables += f"\n[{'.'.join(inner)}]\n" + toml_table(inner, value)
         elif field.name == "scatter" and value is not None:
             tables += f'\n[{".".join(inner)}]\nmodel = "{type(value).__name__.lower()}"\n' + toml_table(inner, value)
-        elif field.name == "element":
-            for element in value:
-                tables += "\n[[element]]\n" + toml_table(("element",), element)
         elif field.name == "zernike":
             for terms in value:
                 key = f"{terms.ordering}_um"
                 tables += f"\n[[{'.'.join(inner)}]]\nradius_mm = {_toml_value(terms.radius_mm)}\n"
                 tables += f"{key} = {_toml_value(terms.coefficients_um)}\n"
+        elif field.name in LISTS:
+            for element in value:
+                tables += f"\n[[{'.'.join(inner)}]]\n" + toml_table(inner, element)
         elif value is not None:
             values += f"{field.name} = {_toml_value(value)}\n"
     return values + tables

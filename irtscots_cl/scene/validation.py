@@ -21,6 +21,7 @@ MAX_LENGTH_MM = 1e12  # as a radius it means a plane mirror: 0.1 nm of sag over 
 MIN_LENGTH_MM = 1 / MAX_LENGTH_MM  # with it no inverse of a length overflows, not even in single precision
 MAX_PIXELS_PER_AXIS = 16384
 SHOWN_CHARACTERS = 40
+LISTS = ("element", "zernike")  # keys of arrays of tables
 
 
 class SceneError(ValueError):
@@ -141,7 +142,7 @@ def _key_path(steps: tuple[Any, ...]) -> str:
     """`("mirror", "zernike", 0, "noll_um", 6)` as `mirror.zernike[0].noll_um.6`."""
     path = ""
     for k, step in enumerate(steps):
-        if steps[k - 1 : k] in (("zernike",), ("element",)) and isinstance(step, int):
+        if k and steps[k - 1] in LISTS and isinstance(step, int):
             path += f"[{step}]"
         else:
             path += "." + (shown_word(step) if re.fullmatch(r"[A-Za-z0-9_-]{1,40}", shown_word(step)) else _shown(step))

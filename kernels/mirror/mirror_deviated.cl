@@ -1,10 +1,10 @@
-// The mirror as made: the design surface plus a Zernike deviation along z, stored separately so that neither loses
-// digits. The same verbs as mirror_nominal.cl. Frame: the world. Unit: mm.
+// The mirror as made: a quadric plus departures along z, kept apart so that neither loses digits. The same verbs as
+// mirror_nominal.cl. Frame: the world. Unit: mm.
 #include "surface_*.cl"
 #include "aperture_*.cl"
-#include "zernike_*.cl"
+#include "departure.cl"
 
-// Where a line meets the mirror, and the deviation and its slopes there. on_mirror: false if it misses the aperture or
+// Where a line meets the mirror, and the departure and its slopes there. on_mirror: false if it misses the aperture or
 // the surface.
 typedef struct { vec3v point; maskv on_mirror; realv height, slope_x, slope_y; } Meeting;
 
@@ -14,30 +14,29 @@ INLINE Meeting mirror_meet(__constant Scene *scene, const Line *line) {
     return at;
 }
 
-// Follows the line from the design surface to the deviated one by Newton steps. The host chooses their number,
-// mirror.newton_steps, from the deviation's size. The first step moves along the line by the height; further steps only
-// refine the point at which the deviation is evaluated.
+// Follows the line from the quadric to the surface by Newton steps. The host chooses their number,
+// mirror.newton_steps, from the departure's size. The first step moves along the line by the height; further steps only
+// refine the point at which the departure is evaluated.
 INLINE void mirror_deviate(__constant Scene *scene, const Line *line, Meeting *at) {
     const vec3v base = at->point;
-    // Polynomials grow fast outside their disk. A line that meets the design 2 % outside it is not on the mirror.
-    const real inverse = scene->zernike.inverse_radius;
-    at->on_mirror &= (base.x * base.x + base.y * base.y) * (inverse * inverse) <= (real)1.04;
+    // Polynomials grow fast outside their disk. A line that meets the quadric 2 % outside it is not on the mirror.
+    at->on_mirror &= base.x * base.x + base.y * base.y <= scene->mirror.departure_radius2;
     const vec3v normal = surface_normal(&scene->mirror, base);
     const realv approach = normal.z / (normal.z + line->p * normal.x + line->q * normal.y);
     for (int step = 0; step < scene->mirror.newton_steps; ++step) {
-        at->height = zernike_deviation(&scene->zernike, at->point.x, at->point.y, &at->slope_x, &at->slope_y);
+        mirror_departure(scene, at->point.x, at->point.y, &at->height, &at->slope_x, &at->slope_y);
         const realv dz = at->height * approach;
         at->point = (vec3v){base.x + line->p * dz, base.y + line->q * dz, base.z + dz};
     }
     at->on_mirror &= aperture_contains(&scene->mirror, at->point);
 }
 
-// The design's normal below the point.
+// The quadric's normal below the point.
 INLINE vec3v mirror_design_normal(__constant Scene *scene, const Meeting *at) {
     return surface_normal(&scene->mirror, (vec3v){at->point.x, at->point.y, at->point.z - at->height});
 }
 
-// The design's normal tilted by the deviation's slopes. The sum loses slight slopes; see arrival_compensated.cl.
+// The quadric's normal tilted by the departure's slopes. The sum loses slight slopes; see arrival_compensated.cl.
 INLINE vec3v mirror_normal(__constant Scene *scene, const Meeting *at) {
     vec3v normal = mirror_design_normal(scene, at);
     normal.x -= at->slope_x * normal.z;

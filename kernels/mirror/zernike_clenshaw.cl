@@ -24,8 +24,9 @@ INLINE Radial zernike_radial(__constant ZernikeTerm *term, int count, realv t) {
     return b;
 }
 
-// Returns the deviation [mm] at (x, y) [mm]; its slopes go to slope_x, slope_y.
-INLINE realv zernike_deviation(__constant Zernike *zernike, realv x_mm, realv y_mm, realv *slope_x, realv *slope_y) {
+// Adds the deviation [mm] at (x, y) [mm] to *sum, and its slopes to *slope_x and *slope_y.
+INLINE void zernike_add(__constant Scene *scene, realv x_mm, realv y_mm, realv *sum, realv *slope_x, realv *slope_y) {
+    __constant Zernike *zernike = &scene->zernike;
     const realv x = x_mm * zernike->inverse_radius, y = y_mm * zernike->inverse_radius;
     const realv t = 2 * (x * x + y * y) - 1;
     realv height = 0, radial_slope = 0, gradient_x = 0, gradient_y = 0;
@@ -45,7 +46,7 @@ INLINE realv zernike_deviation(__constant Zernike *zernike, realv x_mm, realv y_
         gradient_x += m * (a.cosine * lower_re + a.sine * lower_im);
         gradient_y += m * (a.sine * lower_re - a.cosine * lower_im);
     }
-    *slope_x = (gradient_x + 4 * x * radial_slope) * zernike->inverse_radius;
-    *slope_y = (gradient_y + 4 * y * radial_slope) * zernike->inverse_radius;
-    return height;
+    *sum += height;
+    *slope_x += (gradient_x + 4 * x * radial_slope) * zernike->inverse_radius;
+    *slope_y += (gradient_y + 4 * y * radial_slope) * zernike->inverse_radius;
 }

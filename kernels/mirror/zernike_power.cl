@@ -7,8 +7,9 @@
 // list the rows (zernike_order, zernike_sine, zernike_count), so that all loops unroll.
 #include "simd_*.cl"
 
-// Returns the deviation [mm] at (x, y) [mm]; its slopes go to slope_x, slope_y.
-INLINE realv zernike_deviation(__constant Zernike *zernike, realv x_mm, realv y_mm, realv *slope_x, realv *slope_y) {
+// Adds the deviation [mm] at (x, y) [mm] to *sum, and its slopes to *slope_x and *slope_y.
+INLINE void zernike_add(__constant Scene *scene, realv x_mm, realv y_mm, realv *sum, realv *slope_x, realv *slope_y) {
+    __constant Zernike *zernike = &scene->zernike;
     const realv x = x_mm * zernike->inverse_radius, y = y_mm * zernike->inverse_radius;
     const realv t = 2 * (x * x + y * y) - 1;
     realv height = 0, radial_slope = 0, gradient_x = 0, gradient_y = 0;
@@ -39,7 +40,7 @@ INLINE realv zernike_deviation(__constant Zernike *zernike, realv x_mm, realv y_
         gradient_x += mc * (sine ? lower_im : lower_re);
         gradient_y += mc * (sine ? lower_re : -lower_im);
     }
-    *slope_x = (gradient_x + 4 * x * radial_slope) * zernike->inverse_radius;
-    *slope_y = (gradient_y + 4 * y * radial_slope) * zernike->inverse_radius;
-    return height;
+    *sum += height;
+    *slope_x += (gradient_x + 4 * x * radial_slope) * zernike->inverse_radius;
+    *slope_y += (gradient_y + 4 * y * radial_slope) * zernike->inverse_radius;
 }

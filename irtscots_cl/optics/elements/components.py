@@ -64,7 +64,7 @@ def components_of(scene: Scene) -> tuple[Component, ...]:
 def _mirror(scene: Scene) -> Component:
     surface = Surface.of(scene.mirror)
     plain = "plane" if scene.mirror.is_flat else "quadric"
-    shape = plain if surface.deviation is None else "deviated"
+    shape = "deviated" if surface.departures else plain
     frame = Frame(np.zeros(3), np.eye(3))
     return Component("mirror", "mirror", shape, frame, surface.quadric, surface.aperture_radius_mm,
                 surface.obscuration_radius_mm, reflectance=scene.mirror.reflectance,

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.maths.frame import Frame
-from irtscots_cl.maths.zernike.series import PowerRows, RadialSeries, power_rows
 from irtscots_cl.opencl.structs import (
     LAUNCH,
     PRECISIONS,
@@ -22,19 +21,19 @@ from irtscots_cl.opencl.structs import (
     patch_dtype,
     receiver_dtype,
     scene_dtype,
-    zernike_clenshaw_dtype,
-    zernike_power_dtype,
-    zernike_term_dtype,
 )
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.surface import Surface
+from irtscots_cl.tracing.packing.departures import (
+    NEWTON_SLOPE,
+    PackedDepartures,
+    is_slight,
+    newton_steps,
+    pack_departures,
+)
 
-MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
-MAX_NEWTON_STEPS = 8  # more than any deviation needs that is still a mirror's
-NEWTON_SLOPE = {"fp32": 1e-9, "fp64": 1e-13}  # rad, left by the last step; fp32's own rounding is 1e-8
 EDGE_POINTS = 65  # along each side of the image, where its largest radius is looked for
 BEYOND_EDGE = 1e-3  # of the square of that radius: room for the points between
-SLIGHT_SLOPE = 1e-6  # 100 steps of a single-precision slope: larger ones are lost by less than 1e-3 on average
 
 
 @dataclass(frozen=True)
@@ -50,9 +49,8 @@ class Packed:
 def pack(chief: ChiefRays, precision: str) -> Packed:
     """Everything about a scene that does not depend on the estimator."""
     real, surface = PRECISIONS[precision], chief.surface
-    deviation = surface.deviation
-    annular = surface.obscuration_radius_mm > 0
-    mirror = mirror_dtype(real, deviation is not None, annular)
+    deviated, annular = bool(surface.departures), surface.obscuration_radius_mm > 0
+    mirror = mirror_dtype(real, deviated, annular)
     distorted, bent = chief.camera_model.is_distorted, chief.screen_model.surface is not None
     structs = {
         "Launch": LAUNCH,
@@ -65,26 +63,23 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
         "Frame": frame_dtype(real),
         "Mirror": mirror,
     }
-    zernike, tables, choices, constants = None, None, {}, {}
-    if deviation is not None:
-        rows = power_rows(deviation)
-        few = rows.loss <= MAX_POWER_LOSS
-        tables, declared, constants = _zernike_power(rows, real) if few else _zernike_clenshaw(deviation, real)
-        tables["inverse_radius"] = 1 / surface.deviation_radius_mm
-        zernike = tables.dtype
-        choices["zernike"] = "power" if few else "clenshaw"
-        structs |= declared | {"Zernike": zernike}
+    departures = pack_departures(surface, real) if deviated else PackedDepartures()
+    structs |= departures.structs
+    choices = dict(departures.choices)
     glass = chief.screen_model.glass
-    structs["Scene"] = scene_dtype(real, mirror, zernike, structs.get("Lens"), glass is not None)
+    parts = {name: value.dtype for name, value in departures.values.items()}
+    parts |= {"lens": structs["Lens"]} if distorted else {}
+    structs["Scene"] = scene_dtype(real, mirror, parts, glass is not None)
     scene = np.zeros(1, structs["Scene"])
     _fill_mirror(scene["mirror"][0:1], surface)
-    if deviation is not None:
+    if deviated:
         scene["mirror"]["newton_steps"] = newton_steps(chief, NEWTON_SLOPE[precision])
+        scene["mirror"]["departure_radius2"] = 1.04 * surface.departure_radius_mm**2
     _fill_frame(scene["screen"], chief.screen_frame)
     _fill_frame(scene["camera"], chief.camera_frame)
     _fill_devices(scene, chief)
-    if tables is not None:
-        scene["zernike"] = tables
+    for name, value in departures.values.items():
+        scene[name] = value
     if distorted:
         _fill_lens(scene["lens"], chief)
         choices["lens"] = "rational" if any(chief.camera_model.distortion[5:]) else "polynomial"
@@ -92,15 +87,15 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
         scene["glass_thickness"], scene["glass_index2"] = glass.thickness_mm, glass.index**2
     choices |= {
         "surface": _surface_file(chief.scene.mirror),
-        "mirror": "deviated" if deviation is not None else "nominal",
-        "arrival": "compensated" if _is_slight(surface, precision) else "plain",
+        "mirror": "deviated" if deviated else "nominal",
+        "arrival": "compensated" if is_slight(surface, precision) else "plain",
         "aperture": "annulus" if annular else "disk",
         "frame": "turned" if chief.screen_frame.axes[0, 1] or chief.camera_frame.axes[0, 1] else "upright",
         "camera": "distorted" if distorted else "plain",
         "screen": "bent" if bent else "flat",
         "glass": "none" if glass is None else "plate",
     }
-    return Packed(choices, structs, constants, scene)
+    return Packed(choices, structs, departures.constants, scene)
 
 
 def _surface_file(mirror) -> str:
@@ -117,38 +112,6 @@ def _fill_mirror(out: np.ndarray, surface: Surface) -> None:
     out["aperture_radius2"] = surface.aperture_radius_mm**2
     if surface.obscuration_radius_mm > 0:
         out["obscuration_radius2"] = surface.obscuration_radius_mm**2
-
-
-def _spread(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
-    """Points (x, y) [n] over a deviated mirror, close enough to find its deviation's extremes; many on the rim."""
-    radius = surface.aperture_radius_mm * np.sqrt((np.arange(16) + 1) / 16)
-    angles = 2 * int(surface.deviation.m.max()) + 16
-    angle = np.arange(angles) * (2 * np.pi / angles)
-    return np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()
-
-
-def _is_slight(surface: Surface, precision: str) -> bool:
-    """Whether single precision would lose the deviation's slopes in the sum with the design's."""
-    if surface.deviation is None or precision != "fp32":
-        return False
-    return max(np.abs(slope).max() for slope in surface.deviation_at(*_spread(surface))[1:]) < SLIGHT_SLOPE
-
-
-def newton_steps(chief: ChiefRays, slope: float) -> int:
-    """Steps from the design surface to the deviated one that leave at most that slope error [rad], found by trial.
-
-    The kernel takes the deviation's slopes before its last move, so k steps have the slopes of k - 1 moves.
-    """
-    surface = chief.surface
-    x, y = _spread(surface)
-    points = np.stack([x, y, surface.quadric.meet(x, y, 0.0, 0.0)], -1)
-    left = np.zeros(MAX_NEWTON_STEPS - 1)
-    for frame in (chief.camera_frame, chief.screen_frame):
-        met = [surface.meet(points, points - frame.position_mm, moves)[0] for moves in range(MAX_NEWTON_STEPS)]
-        slopes = [np.stack(surface.deviation_at(at[:, 0], at[:, 1])[1:]) for at in met]
-        left = np.maximum(left, [np.nanmax(np.abs(found - slopes[-1])) for found in slopes[:-1]])
-    enough = np.flatnonzero(left <= slope)
-    return int(enough[0]) + 1 if len(enough) else MAX_NEWTON_STEPS
 
 
 def _fill_frame(out: np.ndarray, frame: Frame) -> None:
@@ -208,21 +171,3 @@ def _fill_lens(out: np.ndarray, chief: ChiefRays) -> None:
         "inverse_pixel_area": 1 / model.pixel_area_mm2,
     }.items():
         out[name] = value
-
-
-def _zernike_power(rows: PowerRows, real):
-    """Tables [()], structures that they contain, and constants for kernels/mirror/zernike_power.cl."""
-    out = np.zeros((), zernike_power_dtype(real, len(rows.coefficient)))
-    out["coefficient"] = rows.coefficient
-    return out, {}, {f"zernike_{name}": tuple(getattr(rows, name)) for name in ("order", "sine", "count")}
-
-
-def _zernike_clenshaw(series: RadialSeries, real):
-    """Tables [()], structures that they contain, and constants for kernels/mirror/zernike_clenshaw.cl."""
-    out = np.zeros((), zernike_clenshaw_dtype(real, len(series.m), len(series.cosine)))
-    for name in ("cosine", "sine", "alpha", "beta"):
-        out["term"][name] = getattr(series, name)
-    # the next term's gamma; at the end of a series it multiplies zero
-    out["term"]["gamma_next"] = np.append(series.gamma[1:], 0.0)
-    out["order"], out["count"], out["series_count"] = series.m, series.count, len(series.m)
-    return out, {"ZernikeTerm": zernike_term_dtype(real)}, {}

@@ -10,7 +10,8 @@ from scenes import scene_of, with_part
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.presets import load_scene
-from irtscots_cl.tracing.packing.scene import MAX_NEWTON_STEPS, newton_steps, pack
+from irtscots_cl.tracing.packing.departures import MAX_NEWTON_STEPS, newton_steps
+from irtscots_cl.tracing.packing.scene import pack
 
 
 def deviated(**noll_um: float):

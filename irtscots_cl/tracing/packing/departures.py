@@ -1,0 +1,103 @@
+"""What a mirror's departures from its quadric need on a device: kernel files, structures and their values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from irtscots_cl.maths.zernike.series import PowerRows, RadialSeries, power_rows
+from irtscots_cl.opencl.structs import zernike_clenshaw_dtype, zernike_power_dtype, zernike_term_dtype
+from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.optics.departure import ZernikeDeparture
+from irtscots_cl.optics.surface import Surface
+
+MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
+MAX_NEWTON_STEPS = 8  # more than any departure needs that is still a mirror's
+NEWTON_SLOPE = {"fp32": 1e-9, "fp64": 1e-13}  # rad, left by the last step; fp32's own rounding is 1e-8
+SLIGHT_SLOPE = 1e-6  # 100 steps of a single-precision slope: larger ones are lost by less than 1e-3 on average
+
+
+@dataclass(frozen=True)
+class PackedDepartures:
+    """Ready for the kernels.
+
+    choices: family of kernel files -> member; structs: C structures, those that others contain first; constants: tables
+    of the source; values: field of the scene's structure -> its value [()].
+    """
+
+    choices: dict[str, str] = field(default_factory=dict)
+    structs: dict[str, np.dtype] = field(default_factory=dict)
+    constants: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    values: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def add(self, choices, structs, constants, values) -> None:
+        """Take up one kind of departure."""
+        for mine, more in zip(vars(self).values(), (choices, structs, constants, values), strict=True):
+            mine.update(more)
+
+
+def pack_departures(surface: Surface, real) -> PackedDepartures:
+    """The departures of a surface that has some."""
+    packed = PackedDepartures({"zernike": "none"})
+    for departure in surface.departures:  # at most one of each kind
+        if isinstance(departure, ZernikeDeparture):
+            packed.add(*_zernike(departure, real))
+    return packed
+
+
+def _zernike(departure: ZernikeDeparture, real):
+    rows = power_rows(departure.series)
+    few = rows.loss <= MAX_POWER_LOSS
+    tables, structs, constants = _power(rows, real) if few else _clenshaw(departure.series, real)
+    tables["inverse_radius"] = 1 / departure.radius_mm
+    choices = {"zernike": "power" if few else "clenshaw"}
+    return choices, structs | {"Zernike": tables.dtype}, constants, {"zernike": tables}
+
+
+def _power(rows: PowerRows, real):
+    """Tables [()], structures that they contain, and constants for kernels/mirror/zernike_power.cl."""
+    out = np.zeros((), zernike_power_dtype(real, len(rows.coefficient)))
+    out["coefficient"] = rows.coefficient
+    return out, {}, {f"zernike_{name}": tuple(getattr(rows, name)) for name in ("order", "sine", "count")}
+
+
+def _clenshaw(series: RadialSeries, real):
+    """Tables [()], structures that they contain, and constants for kernels/mirror/zernike_clenshaw.cl."""
+    out = np.zeros((), zernike_clenshaw_dtype(real, len(series.m), len(series.cosine)))
+    for name in ("cosine", "sine", "alpha", "beta"):
+        out["term"][name] = getattr(series, name)
+    # the next term's gamma; at the end of a series it multiplies zero
+    out["term"]["gamma_next"] = np.append(series.gamma[1:], 0.0)
+    out["order"], out["count"], out["series_count"] = series.m, series.count, len(series.m)
+    return out, {"ZernikeTerm": zernike_term_dtype(real)}, {}
+
+
+def _spread(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """Points (x, y) [n] over a mirror with departures, close enough to find their extremes; many on the rim."""
+    points = [departure.spread(surface.aperture_radius_mm) for departure in surface.departures]
+    return np.concatenate([x for x, _ in points]), np.concatenate([y for _, y in points])
+
+
+def is_slight(surface: Surface, precision: str) -> bool:
+    """Whether single precision would lose the departures' slopes in the sum with the quadric's."""
+    if not surface.departures or precision != "fp32":
+        return False
+    return max(np.abs(slope).max() for slope in surface.departure_at(*_spread(surface))[1:]) < SLIGHT_SLOPE
+
+
+def newton_steps(chief: ChiefRays, slope: float) -> int:
+    """Steps from the quadric to the surface that leave at most that slope error [rad], found by trial.
+
+    The kernel takes the departures' slopes before its last move, so k steps have the slopes of k - 1 moves.
+    """
+    surface = chief.surface
+    x, y = _spread(surface)
+    points = np.stack([x, y, surface.quadric.meet(x, y, 0.0, 0.0)], -1)
+    left = np.zeros(MAX_NEWTON_STEPS - 1)
+    for frame in (chief.camera_frame, chief.screen_frame):
+        met = [surface.meet(points, points - frame.position_mm, moves)[0] for moves in range(MAX_NEWTON_STEPS)]
+        slopes = [np.stack(surface.departure_at(at[:, 0], at[:, 1])[1:]) for at in met]
+        left = np.maximum(left, [np.nanmax(np.abs(found - slopes[-1])) for found in slopes[:-1]])
+    enough = np.flatnonzero(left <= slope)
+    return int(enough[0]) + 1 if len(enough) else MAX_NEWTON_STEPS
