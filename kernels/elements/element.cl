@@ -119,24 +119,28 @@ INLINE void meet_quadric(__constant Element *element, const Rays *rays, int v, i
 }
 
 // The point where a ray met the element, and the unit normal there, towards the front.
-INLINE vec3v plane_point(__constant Scene *scene, __constant Element *element, const LocalRay *ray, realv step) {
+INLINE vec3v plane_point(__constant Scene *scene, __global const real *tables, __constant Element *element,
+                         const LocalRay *ray, realv step) {
     vec3v point = vector_along(ray->at, step, ray->along);
     point.z = 0;
     return point;
 }
-INLINE vec3v plane_normal(__constant Scene *scene, __constant Element *element, vec3v point) {
+INLINE vec3v plane_normal(__constant Scene *scene, __global const real *tables, __constant Element *element,
+                          vec3v point) {
     return (vec3v){0, 0, 1};
 }
 
 // The point is moved onto the surface along z, because the step's rounding error grows with its length.
-INLINE vec3v quadric_point(__constant Scene *scene, __constant Element *element, const LocalRay *ray, realv step) {
+INLINE vec3v quadric_point(__constant Scene *scene, __global const real *tables, __constant Element *element,
+                           const LocalRay *ray, realv step) {
     vec3v point = vector_along(ray->at, step, ray->along);
     const realv b = 1 - element->q_xz * point.x;
     const realv c = element->q_xx * point.x * point.x + element->q_yy * point.y * point.y;
     point.z = c / (b + real_sqrt(b * b - element->q_zz * c));
     return point;
 }
-INLINE vec3v quadric_normal(__constant Scene *scene, __constant Element *element, vec3v point) {
+INLINE vec3v quadric_normal(__constant Scene *scene, __global const real *tables, __constant Element *element,
+                            vec3v point) {
     const vec3v n = {-(element->q_xx * point.x + element->q_xz * point.z), -element->q_yy * point.y,
                      1 - element->q_zz * point.z - element->q_xz * point.x};
     const realv inverse = 1 / real_sqrt(dot3(n, n));

@@ -5,12 +5,13 @@
 
 #define PATH_FIELDS 9
 
-// Parameters: emitters [grid 0]; words [grid 0][DIMENSIONS][BLOCK]; paths [grid 0][PATH_FIELDS][BLOCK]: the unit disk's
-// point from the words, mirror point in the world's frame, position and slopes at the aperture in the camera's frame;
-// marks [grid 0][3][BLOCK]: met the mirror, passed the aperture, detector pixel or -1.
+// Parameters: tables: of the mirror; emitters [grid 0]; words [grid 0][DIMENSIONS][BLOCK]; paths [grid
+// 0][PATH_FIELDS][BLOCK]: the unit disk's point from the words, mirror point in the world's frame, position and slopes
+// at the aperture in the camera's frame; marks [grid 0][3][BLOCK]: met the mirror, passed the aperture, detector pixel
+// or -1.
 // Grid: (blocks of rays, 1).
-__kernel void probe_forward(__constant Scene *scene, __global const Emitter *emitters, __global const uint *words,
-                            __global real *paths, __global int *marks) {
+__kernel void probe_forward(__constant Scene *scene, __global const real *tables, __global const Emitter *emitters,
+                            __global const uint *words, __global real *paths, __global int *marks) {
     const Emitter emitter = emitters[get_global_id(0)];
     Words given;
     for (int d = 0; d < DIMENSIONS; ++d)
@@ -22,8 +23,8 @@ __kernel void probe_forward(__constant Scene *scene, __global const Emitter *emi
         realv x, y;
         const Direction aim = forward_aim(&emitter, &given, v);
         const Line line = forward_emit(scene, &emitter, &aim, &given, v);
-        Meeting met = mirror_meet(scene, &line);
-        mirror_deviate(scene, &line, &met);
+        Meeting met = mirror_meet(scene, tables, &line);
+        mirror_deviate(scene, tables, &line, &met);
         const Arrival at = forward_arrive(scene, &line, &met);
         unit_disk(ray_words(&given, FORWARD_AIM_RADIUS, v), ray_words(&given, FORWARD_AIM_ANGLE, v), &x, &y);
         const realv values[PATH_FIELDS] = {x, y, met.point.x, met.point.y, met.point.z,

@@ -5,19 +5,20 @@
 #define LINE_FIELDS 4
 #define MET_FIELDS 8
 
-// Parameters: lines [grid 0][LINE_FIELDS][WIDTH]: x0, y0, p, q as in reflection.cl; met [grid 0][MET_FIELDS][WIDTH]:
-// mirror point, a vector along the normal there, where the reflected light crosses the screen's plane;
-// marks [grid 0][2][WIDTH]: met the mirror, runs towards the screen.
+// Parameters: tables: of the mirror; lines [grid 0][LINE_FIELDS][WIDTH]: x0, y0, p, q as in reflection.cl; met [grid
+// 0][MET_FIELDS][WIDTH]: mirror point, a vector along the normal there, where the reflected light crosses the screen's
+// plane; marks [grid 0][2][WIDTH]: met the mirror, runs towards the screen.
 // Grid: (vectors of lines, 1).
-__kernel void probe_meet(__constant Scene *scene, __global const real *lines, __global real *met, __global int *marks) {
+__kernel void probe_meet(__constant Scene *scene, __global const real *tables, __global const real *lines,
+                         __global real *met, __global int *marks) {
     const size_t item = get_global_id(0);
     realv given[LINE_FIELDS];
     for (int i = 0; i < LINE_FIELDS; ++i)
         for (int lane = 0; lane < WIDTH; ++lane)
             ((real *)&given[i])[lane] = lines[(item * LINE_FIELDS + i) * WIDTH + lane];
     const Line line = {given[0], given[1], given[2], given[3]};
-    Meeting at = mirror_meet(scene, &line);
-    mirror_deviate(scene, &line, &at);
+    Meeting at = mirror_meet(scene, tables, &line);
+    mirror_deviate(scene, tables, &line, &at);
     const vec3v normal = mirror_normal(scene, &at);
     realv u, v, slope_u, slope_v;
     const maskv ahead = reflected_arrive(scene, &scene->screen, &line, &at, &u, &v, &slope_u, &slope_v);

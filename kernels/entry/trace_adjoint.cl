@@ -32,14 +32,14 @@ INLINE maskv ray_bin(__constant Scene *scene, const Launch *launch, const Receiv
 }
 
 // First passes, branch-free: bins and amounts of a block of rays. A ray counts as one in a fate's bin.
-INLINE void block_trace(Block *block, __constant Scene *scene, const Launch *launch, const Receiver *receiver,
-                        Sampler *sampler, ulong first) {
+INLINE void block_trace(Block *block, __constant Scene *scene, __global const real *tables, const Launch *launch,
+                        const Receiver *receiver, Sampler *sampler, ulong first) {
     const int window_bins = launch->window_columns * launch->window_rows;
     sampler_block(sampler, first, &block->words);
     for (int v = 0; v < BLOCK_VECTORS; ++v)
         block->lines[v] = adjoint_emit(scene, receiver, &block->words, v, &block->weight[v]);
-    for (int v = 0; v < BLOCK_VECTORS; ++v) block->meetings[v] = mirror_meet(scene, &block->lines[v]);
-    for (int v = 0; v < BLOCK_VECTORS; ++v) mirror_deviate(scene, &block->lines[v], &block->meetings[v]);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) block->meetings[v] = mirror_meet(scene, tables, &block->lines[v]);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) mirror_deviate(scene, tables, &block->lines[v], &block->meetings[v]);
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
         const intv bin = to_int(ray_bin(scene, launch, receiver, &block->lines[v], &block->meetings[v]));
         const intv amount = to_int(block->weight[v] * receiver->weight_scale + (real)0.5);
@@ -48,11 +48,13 @@ INLINE void block_trace(Block *block, __constant Scene *scene, const Launch *lau
     }
 }
 
-// Parameters: receivers [visible pixels]; transport, ledger: 64-bit sums.
+// Parameters: tables: of the mirror, where a file of its kind reads any; receivers [visible pixels]; transport, ledger:
+// 64-bit sums.
 // Grid: (visible pixels of this launch, runs of its rays). A work-item traces rays_per_item rays of one detector pixel.
 // Assumes: transport and ledger were zeroed before the replicate's first launch; windows lie inside the screen.
-__kernel void trace_adjoint(__constant Scene *scene, const Launch launch, __global const Receiver *receivers,
-                            __global uint *transport, __global uint *ledger, __local ulong *tile) {
+__kernel void trace_adjoint(__constant Scene *scene, const Launch launch, __global const real *tables,
+                            __global const Receiver *receivers, __global uint *transport, __global uint *ledger,
+                            __local ulong *tile) {
     const WorkItem item = work_item(&launch);
     const uint visible_pixel = item.source;
     const Receiver receiver = receivers[visible_pixel];
@@ -66,7 +68,7 @@ __kernel void trace_adjoint(__constant Scene *scene, const Launch launch, __glob
     light_begin(&light);
     for (ulong first = item.begin; first < item.end; first += BLOCK) {
         const int count = (int)min(item.end - first, (ulong)(BLOCK));
-        block_trace(&block, scene, &launch, &receiver, &sampler, first);
+        block_trace(&block, scene, tables, &launch, &receiver, &sampler, first);
         for (int j = 0; j < count; ++j) light_add(&light, ((int *)block.bin)[j], ((int *)block.amount)[j]);
     }
     light_end(&light);

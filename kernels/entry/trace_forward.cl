@@ -18,14 +18,14 @@ typedef struct {
 } Block;
 
 // First passes, branch-free: trace all rays of the block to the camera's aperture.
-INLINE void block_trace(Block *block, __constant Scene *scene, const Emitter *emitter, Sampler *sampler, ulong first,
-                        uint count) {
+INLINE void block_trace(Block *block, __constant Scene *scene, __global const real *tables, const Emitter *emitter,
+                        Sampler *sampler, ulong first, uint count) {
     sampler_block(sampler, first, &block->words);
     for (int v = 0; v < BLOCK_VECTORS; ++v) block->aims[v] = forward_aim(emitter, &block->words, v);
     for (int v = 0; v < BLOCK_VECTORS; ++v)
         block->lines[v] = forward_emit(scene, emitter, &block->aims[v], &block->words, v);
-    for (int v = 0; v < BLOCK_VECTORS; ++v) block->meetings[v] = mirror_meet(scene, &block->lines[v]);
-    for (int v = 0; v < BLOCK_VECTORS; ++v) mirror_deviate(scene, &block->lines[v], &block->meetings[v]);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) block->meetings[v] = mirror_meet(scene, tables, &block->lines[v]);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) mirror_deviate(scene, tables, &block->lines[v], &block->meetings[v]);
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
         const maskv valid = to_mask(lane_index() + v * WIDTH < count);
         const Arrival at = forward_arrive(scene, &block->lines[v], &block->meetings[v]);
@@ -54,13 +54,14 @@ INLINE uint block_detect(const Block *block, __constant Scene *scene, Hits *hits
     return detected;
 }
 
-// Parameters: emitters [screen pixels]; visible_pixels [detector pixels]; origins [visible pixels]; transport, ledger:
-// 64-bit sums.
+// Parameters: tables: of the mirror, where a file of its kind reads any; emitters [screen pixels]; visible_pixels
+// [detector pixels]; origins [visible pixels]; transport, ledger: 64-bit sums.
 // Grid: (screen pixels of this launch, runs of its rays). A work-item traces rays_per_item rays of one screen pixel.
 // Assumes: transport and ledger were zeroed before the replicate's first launch.
-__kernel void trace_forward(__constant Scene *scene, const Launch launch, __global const Emitter *emitters,
-                            __global const int *visible_pixels, __global const int2 *origins, __global uint *transport,
-                            __global uint *ledger, __local uint *tile) {
+__kernel void trace_forward(__constant Scene *scene, const Launch launch, __global const real *tables,
+                            __global const Emitter *emitters, __global const int *visible_pixels,
+                            __global const int2 *origins, __global uint *transport, __global uint *ledger,
+                            __local uint *tile) {
     const WorkItem item = work_item(&launch);
     const uint source = item.source;
     const Emitter emitter = emitters[source];
@@ -75,7 +76,7 @@ __kernel void trace_forward(__constant Scene *scene, const Launch launch, __glob
     hits_begin(&hits);
     for (ulong first = item.begin; first < item.end; first += BLOCK) {
         const uint count = (uint)min(item.end - first, (ulong)(BLOCK));
-        block_trace(&block, scene, &emitter, &sampler, first, count);
+        block_trace(&block, scene, tables, &emitter, &sampler, first, count);
         detected += block_detect(&block, scene, &hits, &off_detector);
     }
     hits_end(&hits);

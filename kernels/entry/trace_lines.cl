@@ -45,13 +45,13 @@ INLINE void lines_arrive(Block *block, __constant Scene *scene, const Launch *la
 }
 
 // First passes, branch-free.
-INLINE void block_trace(Block *block, __constant Scene *scene, const Launch *launch, const LineReceiver *receiver,
-                        Sampler *sampler, ulong first) {
+INLINE void block_trace(Block *block, __constant Scene *scene, __global const real *tables, const Launch *launch,
+                        const LineReceiver *receiver, Sampler *sampler, ulong first) {
     sampler_block(sampler, first, &block->words);
     for (int v = 0; v < BLOCK_VECTORS; ++v)
         block->lines[v] = adjoint_emit(scene, &receiver->start, &block->words, v, &block->weight[v]);
-    for (int v = 0; v < BLOCK_VECTORS; ++v) block->meetings[v] = mirror_meet(scene, &block->lines[v]);
-    for (int v = 0; v < BLOCK_VECTORS; ++v) mirror_deviate(scene, &block->lines[v], &block->meetings[v]);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) block->meetings[v] = mirror_meet(scene, tables, &block->lines[v]);
+    for (int v = 0; v < BLOCK_VECTORS; ++v) mirror_deviate(scene, tables, &block->lines[v], &block->meetings[v]);
     for (int v = 0; v < BLOCK_VECTORS; ++v) lines_arrive(block, scene, launch, receiver, v);
 }
 
@@ -67,12 +67,14 @@ INLINE void ramp_add(Light *light, const Ramp *ramps, int j, int first) {
     }
 }
 
-// Parameters: receivers [visible pixels]; transport: 64-bit sums [visible pixels][window columns + 2 + window rows +
-// 2], second differences of the light below each line's edge, along x then along y; ledger: 64-bit sums. Grid: (visible
-// pixels of this launch, runs of its rays). A work-item traces rays_per_item rays of one detector pixel. Assumes:
-// transport and ledger were zeroed before the replicate's first launch; windows lie inside the screen.
-__kernel void trace_lines(__constant Scene *scene, const Launch launch, __global const LineReceiver *receivers,
-                          __global uint *transport, __global uint *ledger, __local ulong *tile) {
+// Parameters: tables: of the mirror, where a file of its kind reads any; receivers [visible pixels]; transport: 64-bit
+// sums [visible pixels][window columns + 2 + window rows + 2], second differences of the light below each line's edge,
+// along x then along y; ledger: 64-bit sums. Grid: (visible pixels of this launch, runs of its rays). A work-item
+// traces rays_per_item rays of one detector pixel. Assumes: transport and ledger were zeroed before the replicate's
+// first launch; windows lie inside the screen.
+__kernel void trace_lines(__constant Scene *scene, const Launch launch, __global const real *tables,
+                          __global const LineReceiver *receivers, __global uint *transport, __global uint *ledger,
+                          __local ulong *tile) {
     const WorkItem item = work_item(&launch);
     const uint visible_pixel = item.source;
     const LineReceiver receiver = receivers[visible_pixel];
@@ -85,7 +87,7 @@ __kernel void trace_lines(__constant Scene *scene, const Launch launch, __global
     light_begin(&light);
     for (ulong first = item.begin; first < item.end; first += BLOCK) {
         const int count = (int)min(item.end - first, (ulong)(BLOCK));
-        block_trace(&block, scene, &launch, &receiver, &sampler, first);
+        block_trace(&block, scene, tables, &launch, &receiver, &sampler, first);
         for (int j = 0; j < count; ++j) {
             const int fate = ((int *)block.fate)[j];
             ramp_add(&light, block.ramps[0], j, 0);

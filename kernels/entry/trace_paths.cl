@@ -1,5 +1,6 @@
-// Non-sequential estimator: rays leave the screen, aimed at the mirror or at more, and follow elements in the order they meet them
-// until they end. Light that ends on the detector is recorded by path and by class of path. Frame: the world. Unit: mm.
+// Non-sequential estimator: rays leave the screen, aimed at the mirror or at more, and follow elements in the order
+// they meet them until they end. Light that ends on the detector is recorded by path and by class of path. Frame: the
+// world. Unit: mm.
 //
 // The host writes ELEMENTS(DO), the scene's list of elements: DO(shape, kind, model, number) for each. shape: plane,
 // quadric or deviated; kind: the name of an interact_* file; model: the name of a scatter_* file, or none.
@@ -97,8 +98,8 @@ INLINE void keep_specular(Rays *rays, int v, maskv meets, realv left) {
 #define INTERACT(shape, kind, model, number)                                                                   \
     if (is_met(may, number, which)) {                                                                          \
         Visit visit = visit_begin(trace, rays, v, number, to_mask(which == (number)));                         \
-        visit.at.point = shape##_point(trace->scene, visit.element, &visit.ray, step);                         \
-        visit.at.normal = shape##_normal(trace->scene, visit.element, visit.at.point);                         \
+        visit.at.point = shape##_point(trace->scene, trace->tables, visit.element, &visit.ray, step);          \
+        visit.at.normal = shape##_normal(trace->scene, trace->tables, visit.element, visit.at.point);          \
         interact_##kind(visit.element, &visit.at);                                                             \
         const realv left = model##_left(trace, number, &visit.at);                                             \
         leave_##kind(visit.element, rays, v, number, visit.meets, visit.bound, step, &visit.at);               \
@@ -158,9 +159,10 @@ INLINE void trace_rays(const Trace *trace, Rays *rays, int count) {
 
 // Parameters: see Trace. Grid: (screen pixels of this launch, runs of its rays).
 // Assumes: sums, images and the first word of found were zeroed before the replicate's first launch.
-__kernel void trace_paths(__constant Scene *scene, const Launch launch, __global const Emitter *emitters,
-                          __constant Element *elements, __constant Scatter *scatter, __global const Path *paths,
-                          __global uint *sums, __global uint *images, __global uint *found, const PathJob job) {
+__kernel void trace_paths(__constant Scene *scene, const Launch launch, __global const real *tables,
+                          __global const Emitter *emitters, __constant Element *elements, __constant Scatter *scatter,
+                          __global const Path *paths, __global uint *sums, __global uint *images, __global uint *found,
+                          const PathJob job) {
     const WorkItem item = work_item(&launch);
     const uint source = item.source;
     const int sums_size = PATH_ABSORBED + 2 * job.element_count + 2 + 2 * job.path_count;
@@ -168,7 +170,7 @@ __kernel void trace_paths(__constant Scene *scene, const Launch launch, __global
     for (int k = 0; k < sums_size; ++k) own[k] = 0;
     RayStack stack;
     stack_begin(&stack);
-    const Trace trace = {scene, elements, scatter, &launch, paths, sums, images, found, &job, &stack, own,
+    const Trace trace = {scene, tables, elements, scatter, &launch, paths, sums, images, found, &job, &stack, own,
                          source % launch.screen_columns, source / launch.screen_columns};
     const uint cones = cones_begin(&launch, source);
     Sampler sampler;

@@ -2,8 +2,9 @@
 // kind's file of the family *_none.cl adds nothing. Frame: the mirror's. Unit: mm.
 #include "zernike_*.cl"
 
-// At (x, y). The sums start at 0.
-INLINE void mirror_departure(__constant Scene *scene, realv x, realv y, realv *height, realv *slope_x, realv *slope_y) {
+// At (x, y). tables: what is too large for the scene's structure.
+INLINE void mirror_departure(__constant Scene *scene, __global const real *tables, realv x, realv y, realv *height,
+                             realv *slope_x, realv *slope_y) {
     *height = *slope_x = *slope_y = 0;
     zernike_add(scene, x, y, height, slope_x, slope_y);
 }

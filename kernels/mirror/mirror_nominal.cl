@@ -5,14 +5,14 @@
 // Where a line meets the mirror. on_mirror: false if it misses the surface or its aperture.
 typedef struct { vec3v point; maskv on_mirror; } Meeting;
 
-INLINE Meeting mirror_meet(__constant Scene *scene, const Line *line) {
+INLINE Meeting mirror_meet(__constant Scene *scene, __global const real *tables, const Line *line) {
     Meeting at;
     at.on_mirror = surface_meet(&scene->mirror, line->x0, line->y0, line->p, line->q, &at.point);
     at.on_mirror &= aperture_contains(&scene->mirror, at.point);
     return at;
 }
 
-INLINE void mirror_deviate(__constant Scene *scene, const Line *line, Meeting *at) {}
+INLINE void mirror_deviate(__constant Scene *scene, __global const real *tables, const Line *line, Meeting *at) {}
 
 INLINE vec3v mirror_normal(__constant Scene *scene, const Meeting *at) {
     return surface_normal(&scene->mirror, at->point);

@@ -16,6 +16,7 @@ enum { PATH_DETECTED, PATH_ESCAPED, PATH_BOUNCE_LIMIT, PATH_FAILED, PATH_SPLIT, 
 // holds 2^33 rays; kind is its highest event class, an EVENT_*; class_scale is the scale of that class's images.
 typedef struct {
     __constant Scene *scene;
+    __global const real *tables;  // of the mirror
     __constant Element *elements;
     __constant Scatter *scatter;
     const Launch *launch;
@@ -52,7 +53,8 @@ INLINE bool is_path(__global const Path *path, const uint *code) {
     return same;
 }
 
-// Records one detected ray of a path's code at (u, v) in the detector's frame. Its z runs along the light, so the image is upside down.
+// Records one detected ray of a path's code at (u, v) in the detector's frame. Its z runs along the light, so the image
+// is upside down.
 INLINE void detect(const Trace *trace, real u, real v, real weight, const uint *code) {
     const Launch *launch = trace->launch;
     __constant Scene *scene = trace->scene;

@@ -72,12 +72,12 @@ class _Probe:
         choices = packed.choices | {"sampler": "philox"}
         source = compose(f"{entry}.cl", choices, packed.structs, precision, self.width, packed.constants)
         self._work = Workspace(device, source, entry)
-        self._scene = self._work.upload(packed.scene)
+        self._scene, self._tables = self._work.upload(packed.scene), self._work.upload(packed.tables)
 
     def _run(self, items: int, inputs: list[np.ndarray], outputs: list[np.ndarray]) -> list[np.ndarray]:
         work = self._work
         buffers = [work.empty(out.nbytes) for out in outputs]
-        work.launch((items, 1), [self._scene, *(work.upload(array) for array in inputs), *buffers])
+        work.launch((items, 1), [self._scene, self._tables, *(work.upload(array) for array in inputs), *buffers])
         return [work.download(buffer, out) for buffer, out in zip(buffers, outputs, strict=True)]
 
 

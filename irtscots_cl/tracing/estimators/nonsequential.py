@@ -186,7 +186,7 @@ class PathTask:
                     "Emitter": self.source_structs.dtype}  # fmt: skip
         structs = {"Cone": cone_dtype(real)} | packed.structs | structs
         source = _compose(packed, components, structs, options, device, self._files)
-        inputs = (packed.scene, self.source_structs, elements, scatter)
+        inputs = (packed.scene, packed.tables, self.source_structs, elements, scatter)
         table = self.tracked.table(self.code_length)
         fingerprint = {"code": source.digest, "inputs": hash_of(*inputs, job), "paths": hash_of(table)}
         job["path_count"], job["found_size"] = len(table), FOUND_SIZE if pilot else 0

@@ -192,12 +192,12 @@ class SequentialTask:
         return TraceProgram(source, entry, inputs, self._launch, fingerprint, after=after)
 
     def _inputs(self, packed: Packed) -> tuple[np.ndarray, ...]:
-        """Scene, sources and, forward, where a detector pixel's window is. An adjoint receiver knows its own."""
+        """Scene, tables, sources; forward, where a detector pixel's window is. An adjoint receiver knows its own."""
         if self.options.estimator == "adjoint":
-            return packed.scene, self.source_structs
+            return packed.scene, packed.tables, self.source_structs
         visible_pixels = np.full(self._detector_pixels, -1, np.int32)
         visible_pixels[self.windows.pixels] = np.arange(len(self.windows.pixels))
-        return packed.scene, self.source_structs, visible_pixels, self.windows.origins
+        return packed.scene, packed.tables, self.source_structs, visible_pixels, self.windows.origins
 
     @property
     def _detector_pixels(self) -> int:

@@ -23,17 +23,22 @@ class PackedDepartures:
     """Ready for the kernels.
 
     choices: family of kernel files -> member; structs: C structures, those that others contain first; constants: tables
-    of the source; values: field of the scene's structure -> its value [()].
+    of the source; values: field of the scene's structure -> its value [()]; tables: [n] numbers that do not fit there.
     """
 
     choices: dict[str, str] = field(default_factory=dict)
     structs: dict[str, np.dtype] = field(default_factory=dict)
     constants: dict[str, tuple[int, ...]] = field(default_factory=dict)
     values: dict[str, np.ndarray] = field(default_factory=dict)
+    tables: np.ndarray = field(default_factory=lambda: np.zeros(1))  # a buffer is never empty
 
     def add(self, choices, structs, constants, values) -> None:
         """Take up one kind of departure."""
-        for mine, more in zip(vars(self).values(), (choices, structs, constants, values), strict=True):
+        for mine, more in zip(
+            (self.choices, self.structs, self.constants, self.values),
+            (choices, structs, constants, values),
+            strict=True,
+        ):
             mine.update(more)
 
 

@@ -38,12 +38,13 @@ BEYOND_EDGE = 1e-3  # of the square of that radius: room for the points between
 
 @dataclass(frozen=True)
 class Packed:
-    """A scene ready for the kernels: file choices, C structures and constants, and the scene structure itself."""
+    """A scene ready for the kernels: file choices, C structures and constants, the scene's structure and tables."""
 
     choices: dict[str, str]
     structs: dict[str, np.dtype]
     constants: dict[str, tuple[int, ...]]
     scene: np.ndarray  # [1]
+    tables: np.ndarray  # [n] reals of the mirror, too many for a structure
 
 
 def pack(chief: ChiefRays, precision: str) -> Packed:
@@ -95,7 +96,7 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
         "screen": "bent" if bent else "flat",
         "glass": "none" if glass is None else "plate",
     }
-    return Packed(choices, structs, departures.constants, scene)
+    return Packed(choices, structs, departures.constants, scene, np.asarray(departures.tables, real))
 
 
 def _surface_file(mirror) -> str:
