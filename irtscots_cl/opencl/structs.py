@@ -176,6 +176,12 @@ def zernike_power_dtype(real, coefficients: int) -> np.dtype:
     return np.dtype([("inverse_radius", real), ("coefficient", real, coefficients)], align=True)
 
 
+def polynomial_dtype(real, rows: int, columns: int) -> np.dtype:
+    """Chebyshev coefficients [mm] of a height over the rectangle of that centre and those halves of its sides [mm]."""
+    names = ("centre_x", "centre_y", "inverse_half_x", "inverse_half_y")
+    return np.dtype([(name, real) for name in names] + [("coefficient", real, (rows, columns))], align=True)
+
+
 def scene_dtype(real, mirror: np.dtype, parts: dict[str, np.dtype], glass: bool = False) -> np.dtype:
     """The values of the scene that are the same for all rays.
 

@@ -60,12 +60,21 @@ def polar_points(radius_mm: float, angles: int) -> tuple[FloatArray, FloatArray]
 
 def design_departures(mirror: Mirror) -> tuple[Departure, ...]:
     """What the design of a scene's mirror adds to its conic."""
-    return ()
+    return _polynomials(mirror, "design")
 
 
 def deviations(mirror: Mirror) -> tuple[Departure, ...]:
     """How a scene's mirror as made deviates from its design."""
-    return _zernike(mirror)
+    return _zernike(mirror) + _polynomials(mirror, "deviation")
+
+
+def _polynomials(mirror: Mirror, part: str) -> tuple[Departure, ...]:
+    """The polynomials of one part, "design" or "deviation"."""
+    if not mirror.polynomial:
+        return ()
+    from irtscots_cl.optics.polynomial import polynomials  # imported late: few scenes have any
+
+    return polynomials(mirror, part)
 
 
 def _zernike(mirror: Mirror) -> tuple[Departure, ...]:

@@ -22,7 +22,9 @@ KINDS = {  # path of keys -> (module of irtscots_cl.scene, its checked dataclass
     ("screen", "lines"): ("screen_shape", "ScanLines"),
     ("calibration",): ("calibration_known", "Calibration"),
 }
-LISTS: dict[tuple[str, ...], tuple[str, str]] = {}  # the same for arrays of tables
+LISTS: dict[tuple[str, ...], tuple[str, str]] = {  # the same for arrays of tables
+    ("mirror", "polynomial"): ("polynomial", "Polynomial"),
+}
 FILES = ("quantum_efficiency_map", "brightness_map")  # keys whose value is a path
 _adapter = functools.cache(TypeAdapter)
 

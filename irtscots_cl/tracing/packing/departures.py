@@ -6,10 +6,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from irtscots_cl.maths.xy_polynomials import ChebyshevSeries, sum_of
 from irtscots_cl.maths.zernike.series import PowerRows, RadialSeries, power_rows
-from irtscots_cl.opencl.structs import zernike_clenshaw_dtype, zernike_power_dtype, zernike_term_dtype
+from irtscots_cl.opencl.structs import (
+    polynomial_dtype,
+    zernike_clenshaw_dtype,
+    zernike_power_dtype,
+    zernike_term_dtype,
+)
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.departure import ZernikeDeparture
+from irtscots_cl.optics.polynomial import PolynomialDeparture
 from irtscots_cl.optics.surface import Surface
 
 MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
@@ -44,11 +51,26 @@ class PackedDepartures:
 
 def pack_departures(surface: Surface, real) -> PackedDepartures:
     """The departures of a surface that has some."""
-    packed = PackedDepartures({"zernike": "none"})
-    for departure in surface.departures:  # at most one of each kind
+    packed = PackedDepartures({"zernike": "none", "polynomial": "none"})
+    for departure in surface.departures:  # at most one of each kind but of polynomials
         if isinstance(departure, ZernikeDeparture):
             packed.add(*_zernike(departure, real))
+    polynomials = [departure.series for departure in surface.departures if isinstance(departure, PolynomialDeparture)]
+    if polynomials:
+        packed.add(*polynomial_parts(sum_of(polynomials), real))
     return packed
+
+
+def polynomial_parts(series: ChebyshevSeries, real):
+    """Choices, structures, constants and values for kernels/mirror/polynomial_chebyshev.cl."""
+    rows, columns = series.coefficient.shape
+    out = np.zeros((), polynomial_dtype(real, rows, columns))
+    out["coefficient"] = series.coefficient
+    for axis, centre_mm, half_mm in zip("xy", series.centre_mm, series.half_size_mm, strict=True):
+        out[f"centre_{axis}"], out[f"inverse_half_{axis}"] = centre_mm, 1 / half_mm
+    count = tuple(int(np.flatnonzero(row).max(initial=-1)) + 1 for row in series.coefficient)
+    structs, constants = {"Polynomial": out.dtype}, {"polynomial_count": count}
+    return {"polynomial": "chebyshev"}, structs, constants, {"polynomial": out}
 
 
 def _zernike(departure: ZernikeDeparture, real):
