@@ -28,11 +28,12 @@ RAYS = {
     "sphere-deviated": (2**18, 4096),
     "off-axis": (4096, 4096),
     "lopsided": (2**18, 2**14),
+    "lopsided-freeform": (2**18, 2**14),
     "real": (2**18, 2**14),
     "real-points": (2**18, 2**14),
 }
 POOL = {"off-axis": (8, 20)}  # detector and screen pixels per side of a pool; its forward hits are few
-SCENES = [*sequential_presets(), "lopsided", "real", "real-points"]
+SCENES = [*sequential_presets(), "lopsided", "real", "real-points", "lopsided-freeform"]
 STATEMENTS = 4 * len(SCENES)
 CHANCE = FAILURE_CHANCE / STATEMENTS
 
