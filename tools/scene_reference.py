@@ -24,6 +24,7 @@ from irtscots_cl.scene.element import ALLOWS, KINDS, NEEDS, Element
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import ZERNIKE_KEYS, Scene
+from irtscots_cl.scene.polynomial import Polynomial, check_polynomials
 from irtscots_cl.scene.presets import preset_names, preset_text
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
 from irtscots_cl.scene.screen_response import ScreenResponse
@@ -48,11 +49,28 @@ MEANINGS = (
         "reflectance": "reflected part of the light",
         "zernike": "deviation along z; several tables add up",
         "scatter": "light that the mirror scatters, for the non-sequential estimator",
+        "polynomial": "polynomials in x and y that are added to the conic along z",
     }),
     ("[[mirror.zernike]]", ZernikeTerms, "Zernike terms of the deviation. Whatever the numbering, terms are normalised "
      "as by Noll: a coefficient is an rms over the disk.", {
-        "radius_mm": "of the disk on which the terms are defined",
+        "radius_mm": "of the disk on which the terms are defined; tables may have different ones",
         "coefficients_um": "coefficients in µm by index; Noll's, fringe (University of Arizona) or OSA/ANSI numbering",
+        "obscuration": "radius of the hole over that of the disk: above 0 for Mahajan's annular terms, orthonormal on "
+        "the ring, whose coefficients are rms over the ring; within the hole the terms go on and grow, "
+        "by about ((1 + e) / (1 - e))^((n - m) / 2) / 2 of the obscuration e",
+    }),
+    ("[[mirror.polynomial]]", Polynomial, "A height along z: the sum of value B_i(u) B_j(v) over the terms "
+     "[i, j, value], with u, v = (x, y - `centre_mm`) / `half_size_mm`. `chebyshev`: B_n = T_n; `legendre`: P_n, 1 at "
+     "the edge; `monomial`: powers. Tables add up, whatever their bases and rectangles.", {
+        "basis": "what the terms are",
+        "half_size_mm": "half of the rectangle's sides, the lengths that x and y are divided by (both the "
+        "normalisation radius of other programs' extended polynomials)",
+        "centre_mm": "of the rectangle",
+        "coefficients_um": "terms [i, j, µm]",
+        "coefficients_mm": "terms [i, j, value] of powers of x and y in mm about `centre_mm`, value in mm^(1 - i - j); "
+        "only with `basis = \"monomial\"`, in place of `coefficients_um` and `half_size_mm`",
+        "part": "`deviation`: what a test has to find; `design`: of the surface as designed, which the measurement "
+        "knows",
     }),
     ("[screen]", Screen, "A Lambertian screen, plane without the table [screen.shape].", {
         "position_mm": "centre of the screen",
@@ -212,7 +230,11 @@ MEANINGS = (
         "g": "exponent of the decay",
     }),
 )  # fmt: skip
-CHECKS = {Intrinsics: check_intrinsics, ScanLines: check_lines}  # that the table above calls, with its own numbers
+CHECKS = {  # that the table above calls, with its own numbers
+    Intrinsics: check_intrinsics,
+    ScanLines: check_lines,
+    Polynomial: check_polynomials,
+}
 HIDDEN = {ZernikeTerms: {"ordering"}}  # in a file the key of the coefficients states it
 UNITS = {
     "mm": "mm",
@@ -228,7 +250,7 @@ UNITS_OF_KEYS = {
     "radiance": "W/(mm² sr)", "b0": "1/sr", "electrons_at_peak": "e", "dark_current_e_per_s": "e/s",
     "gain_e_per_dn": "e/DN",
 }  # fmt: skip
-FILE_KEYS = {"coefficients_um": " or ".join(f"`{key}`" for key in ZERNIKE_KEYS)}
+FILE_KEYS = {ZernikeTerms: {"coefficients_um": " or ".join(f"`{key}`" for key in ZERNIKE_KEYS)}}
 
 
 def reference() -> str:
@@ -242,7 +264,13 @@ def reference() -> str:
         lines += ["| key | unit | allowed | default | meaning |", "|---|---|---|---|---|"]
         for key, field in fields.items():
             unit = UNITS_OF_KEYS.get(key, UNITS.get(key.rsplit("_", 1)[-1], "") if "_" in key else "")
-            cells = (FILE_KEYS.get(key, f"`{key}`"), unit, field.description, default_of(field), meanings[key])
+            cells = (
+                FILE_KEYS.get(model, {}).get(key, f"`{key}`"),
+                unit,
+                field.description,
+                default_of(field),
+                meanings[key],
+            )
             lines.append("| " + " | ".join(cells) + " |")
         lines += ["", kinds()] if model is Element else []
         rules = rules_of(model)
@@ -299,6 +327,8 @@ def rules_of(model) -> list[str]:
     if model in CHECKS:
         found = rules_in(ast.parse(textwrap.dedent(inspect.getsource(CHECKS[model]))), names)
         rules += [re.sub(r"`\w+\.", "`", rule) for rule in found]  # from the table above
+    for key, shown in FILE_KEYS.get(model, {}).items():
+        rules = [rule.replace(f"`{key}`", shown) for rule in rules]
     # What an element's kind needs or takes has a table of its own; a module's name is no key of a file.
     return [r for r in dict.fromkeys(rules) if "for kind" not in r and "irtscots_cl." not in r]
 
@@ -335,7 +365,7 @@ def keys_of(steps: ast.expr, tree: ast.AST, names: dict) -> str:
         else:
             values = [names[step.id]] if isinstance(names.get(step.id), str) else values_of(step, tree)
         paths = [(*path, *([value] if value else [])) for path in paths for value in values or [""]]
-    keys = [FILE_KEYS.get(path[-1], "`" + ".".join(path) + "`") for path in paths if path]
+    keys = ["`" + ".".join(path) + "`" for path in paths if path]
     return ", ".join(keys) or "these keys"
 
 

@@ -20,6 +20,7 @@ from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.camera_intrinsics import Intrinsics
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.polynomial import Polynomial
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.screen_shape import CoverGlass, ScreenShape
 from irtscots_cl.tracing.estimators.nonsequential import PathTask
@@ -108,8 +109,14 @@ def _features(sphere: Scene) -> dict[str, Scene]:
     def with_mirror(**changes) -> Scene:
         return dataclasses.replace(sphere, mirror=dataclasses.replace(sphere.mirror, **changes))
 
-    def zernike(indices) -> tuple[ZernikeTerms, ...]:
-        return (ZernikeTerms(sphere.mirror.diameter_mm / 2, "noll", dict.fromkeys(indices, 0.01)),)
+    rim_mm = sphere.mirror.diameter_mm / 2
+
+    def zernike(indices, obscuration: float = 0.0) -> tuple[ZernikeTerms, ...]:
+        return (ZernikeTerms(rim_mm, "noll", dict.fromkeys(indices, 0.01), obscuration),)
+
+    def chebyshev(orders: int) -> tuple[Polynomial, ...]:
+        terms = tuple((i, j, 0.01) for i in range(orders) for j in range(orders))
+        return (Polynomial("chebyshev", (rim_mm, rim_mm), coefficients_um=terms),)
 
     return {
         "plain sphere": sphere,
@@ -119,6 +126,9 @@ def _features(sphere: Scene) -> dict[str, Scene]:
         "1 Zernike term": with_mirror(zernike=zernike([6])),
         "6 Zernike terms": with_mirror(zernike=zernike([6, 8, 9, 11, 29, 38])),
         "33 Zernike terms": with_mirror(zernike=zernike(range(4, 37))),
+        "conic, 45 Zernike terms": with_mirror(conic=-0.7154, zernike=zernike(range(1, 46))),
+        "45 annular Zernike terms": with_mirror(obscuration_mm=rim_mm / 2, zernike=zernike(range(1, 46), 0.25)),
+        "8 x 8 Chebyshev terms": with_mirror(polynomial=chebyshev(8)),
     }
 
 

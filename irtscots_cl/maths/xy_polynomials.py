@@ -1,16 +1,16 @@
 """Polynomials in x and y over a rectangle: Chebyshev series, and Legendre and power series turned into them.
 
-A series is W(x, y) = sum c_ji T_i(u) T_j(v) with u, v = (x, y - centre) / half of the rectangle's sides. On the rectangle
-all |T_n| are at most 1: the sum is as exact as its coefficients. A polynomial of degree n stays one on every other
-rectangle; its values at n + 1 Chebyshev points along an axis give the coefficients there, with no loss of digits where
-the other rectangle lies inside the first.
+A series is W(x, y) = sum c_ji T_i(u) T_j(v), u and v from -1 to 1 over the rectangle. All |T_n| are at most 1 there:
+the sum is as exact as its coefficients. A polynomial of degree n stays one on every other rectangle; its values at
+n + 1 Chebyshev points along an axis give the coefficients there, with no loss of digits where the other rectangle lies
+inside the first.
 
 Source: J. P. Boyd, Chebyshev and Fourier Spectral Methods (2001), section 4.5, for coefficients from values at points.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,11 +19,7 @@ from numpy.polynomial import chebyshev, legendre, polynomial
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.system import interruption
 
-BASES: dict[str, Callable[[FloatArray, int], FloatArray]] = {  # values [points, degree + 1] of all up to a degree
-    "chebyshev": chebyshev.chebvander,
-    "legendre": legendre.legvander,
-    "monomial": polynomial.polyvander,
-}
+BASES = {"chebyshev": chebyshev.chebvander, "legendre": legendre.legvander, "monomial": polynomial.polyvander}
 ROUNDING = 8 * float(np.finfo(float).eps)  # of a coefficient, relative to the sum of the terms' magnitudes
 _AT_ONCE = 2**13  # points evaluated at a time: arrays of all T_n at them stay in the cache
 
@@ -44,7 +40,9 @@ class ChebyshevSeries:
         for first in range(0, u.size, _AT_ONCE):
             interruption.check()
             part = slice(first, first + _AT_ONCE)
-            rows, columns = (_values_and_slopes(p[part], n) for p, n in zip((v, u), self.coefficient.shape, strict=True))
+            rows, columns = (
+                _values_and_slopes(p[part], n) for p, n in zip((v, u), self.coefficient.shape, strict=True)
+            )
             across = columns[0] @ self.coefficient.T
             found[0, part] = np.sum(across * rows[0], -1)
             found[1, part] = np.sum(columns[1] @ self.coefficient.T * rows[0], -1) / self.half_size_mm[0]
@@ -57,12 +55,11 @@ class ChebyshevSeries:
         if (centre_mm, half_size_mm) == (self.centre_mm, self.half_size_mm):
             return self
         rows, columns = (
-            _coefficients_of(n, lambda t, axis=axis, n=n: chebyshev.chebvander(
-                (centre_mm[axis] + half_size_mm[axis] * t - self.centre_mm[axis]) / self.half_size_mm[axis], n - 1))
-            for n, axis in zip(self.coefficient.shape, (1, 0), strict=True)
-        )  # fmt: skip
-        return _trimmed(ChebyshevSeries(rows @ self.coefficient @ columns.T, centre_mm, half_size_mm),
-                        np.abs(self.coefficient).sum())  # fmt: skip
+            _moved_basis(count, centre_mm[axis], half_size_mm[axis], self.centre_mm[axis], self.half_size_mm[axis])
+            for count, axis in zip(self.coefficient.shape, (1, 0), strict=True)
+        )
+        moved = ChebyshevSeries(rows @ self.coefficient @ columns.T, centre_mm, half_size_mm)
+        return _trimmed(moved, float(np.abs(self.coefficient).sum()))
 
 
 def series_of(
@@ -75,11 +72,11 @@ def series_of(
 
     basis: of BASES. Coefficients that are mere rounding of the terms are 0.
     """
-    columns, rows = (max(term[k] for term in terms) + 1 for k in (0, 1))
+    columns, rows = max(i for i, _, _ in terms) + 1, max(j for _, j, _ in terms) + 1
     given = np.zeros((rows, columns))
     for i, j, value in terms:
         given[j, i] = value
-    down, across = (_coefficients_of(n, lambda t, n=n: BASES[basis](t, n - 1)) for n in given.shape)
+    down, across = (_coefficients_of(np.asarray(BASES[basis](_points(n), n - 1))) for n in (rows, columns))
     return _trimmed(ChebyshevSeries(down @ given @ across.T, centre_mm, half_size_mm), float(np.abs(given).sum()))
 
 
@@ -110,13 +107,25 @@ def _values_and_slopes(t: FloatArray, count: int) -> tuple[FloatArray, FloatArra
     return value, slope
 
 
-def _coefficients_of(count: int, functions: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Matrix [count, functions] of Chebyshev coefficients of polynomials of degree below count, from their values."""
-    angle = (np.arange(count) + 0.5) * (np.pi / count)
-    waves = np.cos(np.outer(np.arange(count), angle)) * (2 / count)
-    waves[0] /= 2
-    found: FloatArray = waves @ functions(np.cos(angle))
+def _points(count: int) -> FloatArray:
+    """The zeros of T_count."""
+    found: FloatArray = np.cos((np.arange(count) + 0.5) * (np.pi / count))
     return found
+
+
+def _coefficients_of(values: FloatArray) -> FloatArray:
+    """Chebyshev coefficients [count, functions] of polynomials of degree below count, from their values at _points."""
+    count = len(values)
+    waves = np.cos(np.outer(np.arange(count), (np.arange(count) + 0.5) * (np.pi / count))) * (2 / count)
+    waves[0] /= 2
+    found: FloatArray = waves @ values
+    return found
+
+
+def _moved_basis(count: int, centre: float, half: float, from_centre: float, from_half: float) -> FloatArray:
+    """Coefficients [count, count] on one interval of the Chebyshev polynomials of another."""
+    there = (centre + half * _points(count) - from_centre) / from_half
+    return _coefficients_of(np.asarray(chebyshev.chebvander(there, count - 1), np.float64))
 
 
 def _trimmed(series: ChebyshevSeries, size: float) -> ChebyshevSeries:

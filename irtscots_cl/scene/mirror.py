@@ -21,7 +21,7 @@ from irtscots_cl.scene.validation import (
 )
 
 MAX_RADIAL_ORDER = 40
-MAX_GROWTH = 1e4  # of an annular term from its ring, where it is about 1, to the middle of the hole
+MAX_GROWTH = 10_000  # of an annular term from its ring, where it is about 1, to the middle of the hole
 
 
 _HOLE = bounded(ge=0, lt=1)
@@ -71,7 +71,7 @@ class ZernikeTerms:
                 must += f", of radial order at most {MAX_RADIAL_ORDER}"
                 refuse(("coefficients_um", index), value, must)
             if self.obscuration and _growth(self.ordering, index, self.obscuration) > MAX_GROWTH:
-                must = f"be so small that no term grows {MAX_GROWTH:g}-fold in the hole: {self.ordering} {index} does"
+                must = f"be so small that no term grows {MAX_GROWTH}-fold in the hole, as {index} does"
                 refuse(("obscuration",), self.obscuration, must)
         return self
 

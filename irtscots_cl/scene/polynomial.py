@@ -10,13 +10,17 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
-from irtscots_cl.scene.validation import OffsetMm, OptionalSizeMm, array_of, checked, refuse
+from irtscots_cl.scene.validation import OffsetMm, PositiveMm, array_of, checked, refuse
 
 MAX_POWER = 30  # along each axis
-MAX_SIZE_MM = 1e5  # of the sum of the terms' magnitudes: rounding, 1e-16 of it, stays below 0.02 nm
+MAX_SIZE_MM = 100_000  # of the sum of the terms' magnitudes: rounding, 1e-16 of it, stays below 0.02 nm
 _Power = Annotated[int, Strict(), Field(ge=0, le=MAX_POWER)]
 _Value = Annotated[float, Strict(), Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
 _TERMS = f"an array of [i, j, value]: whole numbers from 0 to {MAX_POWER}, and a finite number within 1e6"
+HalfSizeMm = Annotated[
+    Annotated[tuple[PositiveMm, PositiveMm], *array_of("")] | None,
+    Field(description="[x, y], two lengths from 1e-12 to 1e+12"),
+]
 Terms = Annotated[tuple[tuple[_Power, _Power, _Value], ...], *array_of(_TERMS)]
 
 
@@ -33,7 +37,7 @@ class Polynomial:
 
     basis: Annotated[Literal["chebyshev", "legendre", "monomial"],
                      Field(description="one of chebyshev, legendre, monomial")]  # fmt: skip
-    half_size_mm: OptionalSizeMm = None
+    half_size_mm: HalfSizeMm = None
     centre_mm: OffsetMm = (0.0, 0.0)
     coefficients_um: Terms = ()
     coefficients_mm: Terms = ()
@@ -47,9 +51,10 @@ class Polynomial:
             refuse(("coefficients_um",), self.coefficients_um, must)
         if self.coefficients_mm and self.basis != "monomial":
             refuse(("coefficients_mm",), self.coefficients_mm, "be coefficients_um: only monomials have powers of mm")
-        if (self.half_size_mm is None) != bool(self.coefficients_mm):
-            must = "be given with coefficients_um" if self.coefficients_um else "be left out with coefficients_mm"
-            refuse(("half_size_mm",), self.half_size_mm, must)
+        if self.coefficients_um and self.half_size_mm is None:
+            refuse(("half_size_mm",), None, "be given with coefficients_um")
+        if self.coefficients_mm and self.half_size_mm is not None:
+            refuse(("half_size_mm",), self.half_size_mm, "be left out with coefficients_mm")
         powers = [(i, j) for i, j, _ in getattr(self, key)]
         twice = next((pair for k, pair in enumerate(powers) if pair in powers[:k]), None)
         if twice is not None:
@@ -84,5 +89,5 @@ def check_polynomials(tables: tuple[Polynomial, ...], rim_mm: float) -> None:
             size_mm = math.inf
         if size_mm > MAX_SIZE_MM:
             key = "coefficients_um" if table.coefficients_um else "coefficients_mm"
-            must = f"have terms whose magnitudes add up to at most {MAX_SIZE_MM:g} mm on the mirror"
+            must = f"have terms whose magnitudes add up to at most {MAX_SIZE_MM} mm on the mirror"
             refuse(("polynomial", k, key), f"{size_mm:.3g} mm", must)

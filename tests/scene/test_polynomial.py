@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import pytest
 from freeform import ANNULAR, DESIGN, freeform
+from fuzz import NUMBERS, OTHERS, TEXTS
 from refusals import BASE, changed, refusal
 
 from irtscots_cl.maths.zernike.indices import index_to_nm
@@ -55,8 +56,8 @@ def test_powers_of_mm_are_those_of_their_rectangle():
         ({"half_size_mm": [540.0, 500.0]}, "half_size_mm = [540.0, 500.0]",
          "must be at least [532.0, 532.0], to cover the mirror"),
         ({"centre_mm": [20.0, 0.0]}, "half_size_mm", "must be at least [552.0, 532.0], to cover the mirror"),
-        ({"half_size_mm": [540.0, -1.0]}, "half_size_mm", "at least 1e-12"),
-        ({"half_size_mm": 540.0}, "half_size_mm = 540.0", "[width, height]"),
+        ({"half_size_mm": [540.0, -1.0]}, "half_size_mm", "two lengths from 1e-12"),
+        ({"half_size_mm": 540.0}, "half_size_mm = 540.0", "[x, y], two lengths"),
         ({"centre_mm": [20.0]}, "centre_mm", "two finite numbers"),
         ({"coefficients_um": []}, "coefficients_um = []", "must be given, or coefficients_mm of a monomial basis"),
         ({"coefficients_mm": [[0, 0, 1.0]]}, "coefficients_um", "and not both"),
@@ -67,7 +68,8 @@ def test_powers_of_mm_are_those_of_their_rectangle():
         ({"coefficients_um": [[1, 0]]}, "coefficients_um", "an array of [i, j, value]"),
         ({"coefficients_um": [[1, 0, float("nan")]]}, "coefficients_um", "a finite number within 1e6"),
         ({"coefficients_um": {"1,0": 0.1}}, "coefficients_um", "an array of [i, j, value]"),
-        ({"coefficients_um": [[1, 0, 0.1], [0, 1, 0.2], [1, 0, 0.3]]}, "coefficients_um = [1, 0]", "every pair of powers once"),
+        ({"coefficients_um": [[1, 0, 0.1], [0, 1, 0.2], [1, 0, 0.3]]}, "coefficients_um = [1, 0]",
+         "every pair of powers once"),
         ({"part": "nominal"}, "part = 'nominal'", "must be one of deviation, design"),
         ({"basis": "monomial", "half_size_mm": None, "coefficients_um": [], "coefficients_mm": [[30, 0, 1e-70]]},
          "coefficients_mm = '5.99e+11 mm'", "magnitudes add up to at most 100000 mm on the mirror"),
@@ -97,6 +99,22 @@ def test_a_power_beyond_all_numbers_is_refused():
         Mirror(**far | {"polynomial": (Polynomial("monomial", coefficients_mm=((30, 0, 1e-12),)),), "zernike": ()})
 
 
+def test_any_value_of_any_key_is_taken_or_refused_in_one_line():
+    taken = 0
+    for k, key in enumerate(GOOD | POWERS | {"centre_mm": 0, "part": 0}):
+        for value in (NUMBERS + TEXTS + OTHERS)[k % 3 :: 3]:
+            try:
+                data = tomllib.loads(f"{key} = {value}")
+            except (ValueError, RecursionError):
+                continue
+            try:
+                Scene.from_dict(with_tables(GOOD | data), "my.toml").to_toml()
+                taken += 1
+            except SceneError as refused:
+                assert str(refused).startswith("my.toml: mirror.polynomial") and str(refused).isprintable()
+    assert taken > 0  # a centre, and an empty array of the other coefficients
+
+
 def test_something_else_is_refused():
     with pytest.raises(SceneError, match="be a Polynomial of irtscots_cl.scene.polynomial"):
         replace(freeform().mirror, polynomial=("chebyshev",))
@@ -122,8 +140,8 @@ def test_terms_that_grow_without_bounds_in_the_hole_are_refused():
     """Noll 211 is (20, 0): ten steps of (1 + e) / (1 - e) = 3."""
     message = refusal(ring(obscuration=0.5, noll_um={"6": 0.1, "211": 0.1}))
     assert message == (
-        "my.toml: mirror.zernike[0].obscuration = 0.5: must be so small that no term grows 10000-fold in the hole: "
-        "noll 211 does"
+        "my.toml: mirror.zernike[0].obscuration = 0.5: must be so small that no term grows 10000-fold in the hole, "
+        "as 211 does"
     )
     assert Scene.from_dict(ring(obscuration=0.25, noll_um={"211": 0.1}))
     assert Scene.from_dict(ring(obscuration=0.99, noll_um={"6": 0.1, "14": 0.1}))  # (2, 2) and (4, 4): no steps

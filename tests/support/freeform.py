@@ -27,9 +27,7 @@ ANNULAR = (
 def freeform() -> Scene:
     """The paper's sphere with a hole, a design of 1 mm of sag, and deviations of every kind in several tables."""
     scene = load_scene("sphere")
-    mirror = replace(
-        scene.mirror, obscuration_mm=266.0, zernike=ANNULAR, polynomial=(DESIGN, CHEBYSHEV, MONOMIAL)
-    )
+    mirror = replace(scene.mirror, obscuration_mm=266.0, zernike=ANNULAR, polynomial=(DESIGN, CHEBYSHEV, MONOMIAL))
     return replace(scene, name="freeform", mirror=mirror)
 
 
@@ -44,7 +42,9 @@ def lopsided_freeform() -> Scene:
         *scene.mirror.zernike[1:],
         ZernikeTerms(165.0, "noll", {5: -2.0, 12: 0.3, 231: 0.01}, obscuration=0.2),
     )
-    return replace(scene, name="lopsided-freeform", mirror=replace(scene.mirror, polynomial=polynomial, zernike=zernike))
+    return replace(
+        scene, name="lopsided-freeform", mirror=replace(scene.mirror, polynomial=polynomial, zernike=zernike)
+    )
 
 
 def basis(kind: str, n: int, t):

@@ -98,14 +98,16 @@ def small_setup(terms: int) -> Scene:
     )
 
 
-# Every file of the families surface, aperture, mirror, arrival, zernike, polynomial, frame, camera, lens, screen and glass
+# Every file of the families surface, aperture, mirror, arrival, zernike, polynomial, frame, camera, lens, screen, glass
 MIRRORS = {
     "nominal": small("sphere"),
     "slight": small("sphere", zernike=(ZernikeTerms(radius_mm=540.0, ordering="noll", coefficients_um={4: 1e-5}),)),
     "power": small("sphere-deviated", 2, 4.0),
     "clenshaw, hole": small("sphere", conic=-0.5, obscuration_mm=300.0, zernike=terms(*range(4, 200, 13))),
     "off-axis": small("off-axis"),
-    "polynomials, ring": small("sphere", obscuration_mm=266.0, polynomial=freeform().mirror.polynomial, zernike=ANNULAR),
+    "polynomials, ring": small(
+        "sphere", obscuration_mm=266.0, polynomial=freeform().mirror.polynomial, zernike=ANNULAR
+    ),
     "flat": small("sphere", radius_mm=math.inf),
     "real, k1 to k3": small_setup(5),
     "real, k1 to k6": small_setup(8),
@@ -140,8 +142,9 @@ def test_samplers(oclgrind, width, sampler):
 
 @pytest.mark.parametrize(
     "kind, estimator, precision",
-    [("slight", "adjoint", "fp32"), ("clenshaw, hole", "lines", "fp32"), ("clenshaw, hole", "forward", "fp64"),
-     ("polynomials, ring", "adjoint", "fp32"), ("off-axis", "adjoint", "fp64"), ("off-axis", "lines", "fp64"), ("flat", "adjoint", "fp32"),
+    [("slight", "adjoint", "fp32"), ("polynomials, ring", "adjoint", "fp32"),
+     ("clenshaw, hole", "lines", "fp32"), ("clenshaw, hole", "forward", "fp64"),
+     ("off-axis", "adjoint", "fp64"), ("off-axis", "lines", "fp64"), ("flat", "adjoint", "fp32"),
      ("real, k1 to k3", "forward", "fp32"), ("real, k1 to k6", "forward", "fp64"), ("real, k1 to k6", "lines", "fp32")],
 )  # fmt: skip
 @pytest.mark.parametrize("width", WIDTHS)

@@ -73,7 +73,9 @@ def joined_series(parts: Sequence[RadialSeries]) -> RadialSeries:
     """The sum of series, each row with its own recurrence; rows are in ascending azimuthal order."""
     if len(parts) == 1:
         return parts[0]
-    rows = sorted(((int(m), part, k) for part, p in enumerate(parts) for k, m in enumerate(p.m)), key=lambda row: row[0])
+    rows = sorted(
+        ((int(m), part, k) for part, p in enumerate(parts) for k, m in enumerate(p.m)), key=lambda row: row[0]
+    )
     places = [(parts[part], slice(int(parts[part].offset[k]), int(parts[part].offset[k] + parts[part].count[k])))
               for _, part, k in rows]  # fmt: skip
     count = np.array([place.stop - place.start for _, place in places], dtype=np.int32)
@@ -135,7 +137,8 @@ def power_rows(series: RadialSeries) -> PowerRows:
                     np.polynomial.polynomial.polymul(step, now), series.gamma[terms][k] * before
                 )
                 before, now = now, following
-            rows[int(m), sine] = np.polynomial.polynomial.polyadd(rows.get((int(m), sine), np.zeros(1)), powers)
+            key = int(m), sine
+            rows[key] = np.asarray(np.polynomial.polynomial.polyadd(rows.get(key, np.zeros(1)), powers), np.float64)
             loss = max(loss, float(np.abs(powers).sum() / np.abs(part).sum()))
     orders, sines = np.array(list(rows), np.int32).reshape(-1, 2).T
     counts = np.array([len(powers) for powers in rows.values()], np.int32)
