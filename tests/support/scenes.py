@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from freeform import freeform, lopsided_freeform
+from freeform import lopsided_freeform
 from lopsided import lopsided
 from real_setup import REAL
 
@@ -28,7 +28,7 @@ def scene_of(name: str) -> Scene:
     """
     if name in REAL:
         return REAL[name]()
-    if name in ("convex", "flat"):
+    if name in ("convex", "flat", "freeform"):
         return load_scene(str(EXAMPLES / f"{name}.toml"))
     if name == "lopsided-convex":
         return with_part(with_part(lopsided(), "mirror", radius_mm=-1500.0), "screen", pitch_mm=20.0, pixels=(69, 51))
@@ -48,7 +48,7 @@ def sideways() -> Scene:
     return Scene("sideways", Mirror(radius_mm=math.inf, diameter_mm=600.0, zernike=(terms,)), screen, camera)
 
 
-MADE = {"sideways": sideways, "freeform": freeform, "lopsided-freeform": lopsided_freeform}
+MADE = {"sideways": sideways, "lopsided-freeform": lopsided_freeform}
 
 
 def with_part(scene: Scene, part: str, **changes) -> Scene:

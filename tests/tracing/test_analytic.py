@@ -25,7 +25,7 @@ from irtscots_cl.tracing.trace import trace
 
 FAILURE_CHANCE = 1e-6  # of all statistical statements of this file together
 REAL_SET_UPS = ("narrow-real", "narrow-points")  # distorted, bent, under glass, with a small aperture as narrow()
-STATEMENTS = 2 * 2 * (len(sequential_presets()) + len(REAL_SET_UPS)) * 2  # scenes, kinds of rays, axes, tests
+STATEMENTS = 2 * 2 * (len(sequential_presets()) + 1 + len(REAL_SET_UPS)) * 2  # scenes, kinds of rays, axes, tests
 CHANCE = FAILURE_CHANCE / STATEMENTS
 BIAS = 1e-5  # of a light curve's peak: what the closed form may differ by
 SMOOTHED, PLAIN = (True, 2**15), (False, 2**16)  # smoothing, rays per pixel: 3e8 and 6e8 rays in all
@@ -100,7 +100,7 @@ def mean_of(labels, difference, variance, least):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "smoothing", "rays"),
-    [("sphere-deviated", *PLAIN), *((name, *SMOOTHED) for name in (*sequential_presets(), *REAL_SET_UPS))],
+    [("sphere-deviated", *PLAIN), *((name, *SMOOTHED) for name in (*sequential_presets(), "freeform", *REAL_SET_UPS))],
 )
 def test_light_curves_are_those_of_many_rays(device, name, smoothing, rays):
     """By place in the light curve, over all pixels: no line gets more or less light than it should."""
@@ -134,7 +134,7 @@ def test_light_curves_are_those_of_many_rays_everywhere_on_the_detector(device, 
         assert sidak_z(1, CHANCE) * scatter < (6 * BIAS) ** 2  # so this tells something
 
 
-@pytest.mark.parametrize("name", ["narrow", *REAL_SET_UPS])
+@pytest.mark.parametrize("name", ["narrow", "freeform", *REAL_SET_UPS])
 def test_all_light_of_a_scene_is_that_of_its_rays(device, name):
     """Every factor of the flux, the hole, the dark pixels, of an asymmetric scene: pixels' whole flux."""
     exact = analytic(name)
