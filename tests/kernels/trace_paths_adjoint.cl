@@ -8,7 +8,8 @@
 // point; marks [same rays][2]: met the mirror, runs towards the screen.
 // Grid: (visible_pixels chosen, rays of each / BLOCK).
 __kernel void trace_paths_adjoint(__constant Scene *scene, __global const real *tables, const Launch launch,
-                                  __global const Receiver *receivers, __global const uint *chosen, __global real *paths, __global int *marks) {
+                                  __global const Receiver *receivers, __global const uint *chosen,
+                                  __global real *paths, __global int *marks) {
     const Receiver receiver = receivers[chosen[get_global_id(0)]];
     const size_t block = get_global_id(0) * get_global_size(1) + get_global_id(1);
     Sampler sampler;

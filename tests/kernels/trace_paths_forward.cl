@@ -10,7 +10,8 @@
 // or -1.
 // Grid: (sources, rays of each / BLOCK).
 __kernel void trace_paths_forward(__constant Scene *scene, __global const real *tables, const Launch launch,
-                                  __global const Emitter *emitters, __global const uint *sources, __global real *paths, __global int *marks) {
+                                  __global const Emitter *emitters, __global const uint *sources,
+                                  __global real *paths, __global int *marks) {
     const Emitter emitter = emitters[sources[get_global_id(0)]];
     const size_t block = get_global_id(0) * get_global_size(1) + get_global_id(1);
     Sampler sampler;

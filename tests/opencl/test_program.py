@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from aspheres import asphere_scene
 from lopsided import lopsided
 from real_setup import SHAPES, real_setup
 
@@ -50,6 +51,9 @@ DEVICE_FAMILIES = {
     "screen": ["flat", "bent"],
     "glass": ["none", "plate"],
 }
+# What mirrors with aspheric terms choose.
+DESIGN_FAMILIES = {"approach": ["slight", "exact"], "asphere": ["none", "even", "odd"]}
+NO_DESIGN = {family: members[0] for family, members in DESIGN_FAMILIES.items()}
 PLAIN = {family: members[0] for family, members in DEVICE_FAMILIES.items()}
 LENSES = ["polynomial", "rational"]  # of a camera with distortion
 REAL = {family: members[1] for family, members in DEVICE_FAMILIES.items()}
@@ -58,7 +62,7 @@ STRUCTS = {"Launch": LAUNCH}
 
 def all_choices():
     for members in itertools.product(*FAMILIES.values()):
-        yield PLAIN | dict(zip(FAMILIES, members, strict=True))
+        yield PLAIN | NO_DESIGN | dict(zip(FAMILIES, members, strict=True))
 
 
 def write(path, text):
@@ -99,16 +103,28 @@ def scene_for(choices):
 )
 def test_every_combination_of_files_composes_and_builds(device, choices):
     packed = pack(ChiefRays(scene_for(choices)), "fp32")
-    chosen = ("surface", "mirror", "arrival", "aperture", *(["zernike"] if choices["mirror"] == "deviated" else []))
+    of_deviated = ["zernike", *NO_DESIGN] if choices["mirror"] == "deviated" else []
+    chosen = ("surface", "mirror", "arrival", "aperture", *of_deviated)
     assert packed.choices == {family: choices[family] for family in (*chosen, *PLAIN)}
     for estimator in (*ESTIMATORS, "lines"):
         width = device.vector_width("fp32")
         source = compose(f"trace_{estimator}.cl", choices, packed.structs, "fp32", width, packed.constants)
         for family, member in choices.items():
-            if family == "zernike" and choices["mirror"] == "nominal":
+            if family in ("zernike", *NO_DESIGN) and choices["mirror"] == "nominal":
                 continue
             assert [f for f in source.files if f.startswith(f"{family}_")] == [f"{family}_{member}.cl"]
         assert [k.function_name for k in build(device, source).all_kernels()] == [f"trace_{estimator}"]
+
+
+@pytest.mark.parametrize("asphere", ["even", "odd"])
+def test_every_kind_of_asphere_composes_and_builds(device, precision, asphere):
+    packed = pack(ChiefRays(asphere_scene({"even": "deviated"}.get(asphere, asphere))), precision)
+    expected = {"mirror": "deviated", "approach": "exact", "asphere": asphere}
+    assert packed.choices | expected == packed.choices
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    for estimator, width in itertools.product((*ESTIMATORS, "lines"), {1, device.vector_width(precision)}):
+        source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
+        build(device, source)
 
 
 KINDS = [(distorted, shape, glass) for distorted in (False, True) for shape in SHAPES for glass in (False, True)]
@@ -146,10 +162,14 @@ def test_no_kernel_file_is_dead():
     for estimator, lens in itertools.product((*ESTIMATORS, "lines"), LENSES):
         choices = next(all_choices()) | REAL | {"lens": lens}
         used |= set(compose(f"trace_{estimator}.cl", choices, STRUCTS, "fp32", 8).files)
+    for members in itertools.product(*DESIGN_FAMILIES.values()):
+        choices = next(c for c in all_choices() if c["mirror"] == "deviated")
+        choices |= dict(zip(DESIGN_FAMILIES, members, strict=True))
+        used |= set(compose("trace_forward.cl", choices, STRUCTS, "fp32", 8).files)
     for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
     for *members, light in itertools.product(*PATH_FAMILIES.values(), LIGHT_FAMILIES["light"]):
-        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power", **PLAIN}
+        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power", **PLAIN, **NO_DESIGN}
         choices |= dict.fromkeys(LIGHT_FAMILIES, light)
         first = [name for name in kernel_files() if name.startswith("interact_")]
         first += ["element_deviated.cl", *(name for name in kernel_files() if name.startswith("scatter_"))]
@@ -172,7 +192,7 @@ def test_families_here_are_those_of_the_folder():
         for path in kernel_files().values()
         for star in re.findall(r'^#include "([a-z0-9_]+)_\*\.cl"', path.read_text(), re.M)
     }
-    families = FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES | {"lens": LENSES}
+    families = FAMILIES | DESIGN_FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES | {"lens": LENSES}
     assert stars == {*families, "simd", "real"}
     for family, members in families.items():
         assert {f"{family}_{member}.cl" for member in members} == {

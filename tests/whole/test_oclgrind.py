@@ -22,6 +22,7 @@ from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose, kernel_files
 from irtscots_cl.scene.element import Element
+from irtscots_cl.scene.asphere import Asphere
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
@@ -97,13 +98,15 @@ def small_setup(terms: int) -> Scene:
     )
 
 
-# Every file of the families surface, aperture, mirror, arrival, zernike, frame, camera, lens, screen and glass
+# Every file of the families surface, aperture, mirror, approach, arrival, zernike, asphere, frame, camera, lens, screen and glass
 MIRRORS = {
     "nominal": small("sphere"),
     "slight": small("sphere", zernike=(ZernikeTerms(radius_mm=540.0, ordering="noll", coefficients_um={4: 1e-5}),)),
     "power": small("sphere-deviated", 2, 4.0),
     "clenshaw, hole": small("sphere", conic=-0.5, obscuration_mm=300.0, zernike=terms(*range(4, 200, 13))),
     "off-axis": small("off-axis"),
+    "even asphere": small("sphere-deviated", asphere=Asphere(coefficients_mm={4: 1e-12, 20: 1e-55})),
+    "odd asphere": small("sphere", asphere=Asphere(coefficients_mm={3: 1e-9, 4: 1e-12})),
     "flat": small("sphere", radius_mm=math.inf),
     "real, k1 to k3": small_setup(5),
     "real, k1 to k6": small_setup(8),
