@@ -30,9 +30,11 @@ RAYS = {
     "lopsided": (2**18, 2**14),
     "real": (2**18, 2**14),
     "real-points": (2**18, 2**14),
+    "asphere": (2**13, 4096),
+    "lopsided-asphere": (2**18, 2**14),
 }
 POOL = {"off-axis": (8, 20)}  # detector and screen pixels per side of a pool; its forward hits are few
-SCENES = [*sequential_presets(), "lopsided", "real", "real-points"]
+SCENES = [*sequential_presets(), "lopsided", "real", "real-points", "asphere", "lopsided-asphere"]
 STATEMENTS = 4 * len(SCENES)
 CHANCE = FAILURE_CHANCE / STATEMENTS
 

@@ -85,7 +85,7 @@ def _check_slight(scene: Scene, surface: Surface) -> None:
     if np.abs(height).max() > SLIGHT_MM or np.abs(slopes).max() > SLIGHT_SLOPE:
         limits = f"{SLIGHT_MM:g} mm and slopes of {SLIGHT_SLOPE:g}"
         must = f"depart from the conic by at most {limits} in non-sequential traces, which look for elements with it"
-        raise SceneError(f"scene {scene.name}: mirror.asphere: must {must}")
+        raise SceneError(f"scene {scene.name}: mirror: must {must}")
 
 
 def _camera(scene: Scene) -> list[Component]:

@@ -19,7 +19,7 @@ from irtscots_cl.maths.zernike.polynomials import normalisation
 from irtscots_cl.maths.zernike.series import radial_series
 from irtscots_cl.opencl.structs import ABOUT, asphere_dtype
 from irtscots_cl.optics.aim import mirror_rings, screen_corners
-from irtscots_cl.optics.asphere import AsphereDeparture
+from irtscots_cl.optics.asphere import AsphereDeparture, SegmentDeparture
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.departure import Departure, ZernikeDeparture, polar_points
 from irtscots_cl.optics.surface import Surface
@@ -37,14 +37,16 @@ BEYOND_RIM = 1.005  # radius of the quadric's disk that light for the mirror mee
 
 
 def for_device(surface: Surface, real) -> tuple[Departure, ...]:
-    """A surface's departures, each of a kind that kernels know, at most one of each kind.
+    """A surface's departures, the aspheric ones of a kind that kernels know.
 
     Raises SceneError for aspheric terms that a Zernike series of the highest order does not follow.
     """
-    kinds, lossy = {type(d) for d in surface.departures}, [d for d in surface.design if _loses(d, real)]
-    if kinds <= {AsphereDeparture, ZernikeDeparture} and not lossy:
+    mine = [d for d in surface.design if isinstance(d, AsphereDeparture | SegmentDeparture)]
+    if not any(isinstance(d, SegmentDeparture) or _loses(d, real) for d in mine):
         return surface.departures
-    return (_as_zernike(surface),)
+    mine.extend(d for d in surface.departures if isinstance(d, ZernikeDeparture))  # kernels take one series
+    others = tuple(d for d in surface.departures if d not in mine)
+    return (_as_zernike(mine, surface.aperture_radius_mm), *others)
 
 
 def pack_asphere(departure: AsphereDeparture, real):
@@ -74,10 +76,8 @@ def guess(surface: Surface, real) -> Callable[[FloatArray, FloatArray], FloatArr
     return None
 
 
-def _loses(departure: Departure, real) -> bool:
+def _loses(departure: AsphereDeparture, real) -> bool:
     """Whether sums of powers would lose too many digits of a departure's slopes."""
-    if not isinstance(departure, AsphereDeparture):
-        return False
     profile = departure.profile
     powers = np.abs(chebyshev.cheb2poly(profile.series))
     rounding = np.finfo(real).eps * float(((2 + 4 * np.arange(len(powers))) * powers).sum()) / profile.scale_mm
@@ -87,39 +87,40 @@ def _loses(departure: Departure, real) -> bool:
     return rounding > MAX_POWER_LOSS * np.finfo(real).eps * float(np.abs(profile.at(radius, 0 * radius)[1]).max())
 
 
-def _as_zernike(surface: Surface) -> ZernikeDeparture:
-    """All departures of a surface as one Zernike series over the mirror."""
-    radius = surface.aperture_radius_mm
-    rings = polar_points(radius, CHECK_ANGLES)
-    right = surface.departure_at(*rings)
+def _as_zernike(departures: list[Departure], radius_mm: float) -> ZernikeDeparture:
+    """The sum of departures as one Zernike series over a mirror."""
+    rings = polar_points(radius_mm, CHECK_ANGLES)
+    right = _sum(departures, *rings)
     for order in ORDERS:
-        coefficients = _project(surface, radius, order)
-        found = ZernikeDeparture(radial_series(coefficients), radius)
+        found = ZernikeDeparture(radial_series(_project(departures, radius_mm, order)), radius_mm)
         left = [np.abs(a - b).max() for a, b in zip(found.at(*rings), right, strict=True)]
         if left[0] <= FIT_HEIGHT_MM and max(left[1:]) <= FIT_SLOPE:
             return found
-    must = f"be smooth enough for Zernike terms of radial order {ORDERS[-1]} to follow it to {FIT_HEIGHT_MM:g} mm"
-    raise SceneError(f"mirror.asphere: must {must} over the mirror; they leave {left[0]:.2g} mm, {max(left[1:]):.2g} rad")
+    must = f"be followed to {FIT_HEIGHT_MM:g} mm and {FIT_SLOPE:g} rad by Zernike terms of radial order {ORDERS[-1]}"
+    why = "off the axis, or where powers of r cancel in single precision"
+    raise SceneError(f"mirror.asphere: must {must} {why}; they leave {left[0]:.2g} mm, {max(left[1:]):.2g} rad")
 
 
-def _project(surface: Surface, radius_mm: float, order: int) -> dict[tuple[int, int], float]:
+def _sum(departures: list[Departure], x_mm: FloatArray, y_mm: FloatArray) -> list[FloatArray]:
+    """Height [mm] and slopes of the sum of departures."""
+    return [np.sum(each, axis=0) for each in zip(*(d.at(x_mm, y_mm) for d in departures), strict=True)]
+
+
+def _project(departures: list[Departure], radius_mm: float, order: int) -> dict[tuple[int, int], float]:
     """Coefficients [mm] of Noll-normalised terms (n, m) up to a radial order, by quadrature over the disk."""
     nodes, weights = np.polynomial.legendre.leggauss(order + 8)
     count = 2 * order + 16
     rho, angle = np.sqrt((nodes + 1) / 2), np.arange(count) * (2 * math.pi / count)
-    heights = surface.departure_at(
-        radius_mm * np.outer(rho, np.cos(angle)), radius_mm * np.outer(rho, np.sin(angle))
-    )[0]
-    waves = np.fft.rfft(heights, axis=1) / count
+    x, y = radius_mm * np.outer(rho, np.cos(angle)), radius_mm * np.outer(rho, np.sin(angle))
+    waves = np.fft.rfft(_sum(departures, x, y)[0], axis=1) / count
     found = {}
     for m in range(order + 1):
         for k in range((order - m) // 2 + 1):
-            n = m + 2 * k
-            radial = weights / 2 * normalisation(n, m) * rho**m * eval_jacobi(k, 0, m, nodes)
+            radial = weights / 2 * normalisation(m + 2 * k, m) * rho**m * eval_jacobi(k, 0, m, nodes)
             for signed, wave in ((m, waves[:, m].real), (-m, -waves[:, m].imag))[: 1 + (m > 0)]:
                 value = float(radial @ wave)
                 if abs(value) > LEAST_MM:
-                    found[n, signed] = value
+                    found[m + 2 * k, signed] = value
     return found
 
 
@@ -135,8 +136,8 @@ def quadric_radius_mm(chief: ChiefRays) -> float:
     x0, y0 = rim[:, 0] - p * rim[:, 2], rim[:, 1] - q * rim[:, 2]
     z = surface.quadric.meet(x0, y0, p, q)
     if np.isnan(z).any():
-        must = "leave the mirror's rim where light for it also meets the conic alone"
-        raise SceneError(f"scene {chief.scene.name}: mirror.asphere: must {must}, from which rays are followed")
+        must = "have its rim where light for it also meets the conic alone, from which rays are followed"
+        raise SceneError(f"scene {chief.scene.name}: mirror: must {must}")
     return BEYOND_RIM * float(np.hypot(x0 + p * z, y0 + q * z).max())
 
 

@@ -49,15 +49,16 @@ def pack_departures(surface: Surface, real) -> PackedDepartures:
     packed = PackedDepartures({"zernike": "none", "asphere": "none", "approach": "slight"})
     departures = surface.departures
     if surface.design:
-        from irtscots_cl.tracing.packing.asphere import for_device, pack_asphere  # imported late: few designs have any
+        from irtscots_cl.tracing.packing import asphere  # imported late: few designs depart from their conics
 
         packed.choices["approach"] = "exact"
-        departures = for_device(surface, real)
+        departures = asphere.for_device(surface, real)
+        for departure in departures:
+            if isinstance(departure, asphere.AsphereDeparture):
+                packed.add(*asphere.pack_asphere(departure, real))
     for departure in departures:  # at most one of each kind
         if isinstance(departure, ZernikeDeparture):
             packed.add(*_zernike(departure, real))
-        else:
-            packed.add(*pack_asphere(departure, real))
     return packed
 
 
@@ -123,6 +124,6 @@ def newton_steps(chief: ChiefRays, slope: float, real=np.float64) -> int:
         left = np.maximum(left, [np.nanmax(np.abs(found - slopes[-1])) for found in slopes[:-1]])
     enough = np.flatnonzero(left <= slope)
     if surface.design and not len(enough):
-        must = f"lie near enough to the conic for rays to reach it in {MAX_NEWTON_STEPS} steps from there"
-        raise SceneError(f"scene {chief.scene.name}: mirror.asphere: must {must}")
+        must = f"lie near enough to its conic for rays to reach it in {MAX_NEWTON_STEPS} steps from there"
+        raise SceneError(f"scene {chief.scene.name}: mirror: must {must}")
     return int(enough[0]) + 1 if len(enough) else MAX_NEWTON_STEPS
