@@ -142,13 +142,12 @@ class Asphere:
                 refuse(("asphere", "normalisation_radius_mm"), self.normalisation_radius_mm, must)
         near_mm = max(mirror.off_axis_mm - mirror.diameter_mm / 2, 0.0)
         step_mm = (rim_mm - near_mm) / RINGS
-        worst, where = 0.0, 0.0
+        worst = 0.0
         for k in range(RINGS):
-            r_mm = near_mm + (k + 0.5) * step_mm
-            slope = abs(self.slope(r_mm, mirror.radius_mm, step_mm))
+            slope = abs(self.slope(near_mm + (k + 0.5) * step_mm, mirror.radius_mm, step_mm))
             if not slope <= worst:  # NaN, too
-                worst, where = slope, r_mm
+                worst = slope
         if not worst <= MAX_SLOPE:
-            must = f"be small enough for slopes of at most {MAX_SLOPE:g} over the mirror; at r = {where:.4g} mm"
             key = "coefficients_mm" if self.coefficients_mm else "q_con_um" if self.q_con_um else "q_bfs_um"
-            refuse(("asphere", key), getattr(self, key), f"{must} the terms have {worst:.3g}")
+            must = f"have slopes of at most {MAX_SLOPE:g} over the mirror, not {worst:.3g}"
+            refuse(("asphere", key), getattr(self, key), must)

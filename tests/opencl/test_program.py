@@ -169,7 +169,12 @@ def test_no_kernel_file_is_dead():
     for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
     for *members, light in itertools.product(*PATH_FAMILIES.values(), LIGHT_FAMILIES["light"]):
-        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power", **PLAIN, **NO_DESIGN}
+        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {
+            "sampler": "philox",
+            "zernike": "power",
+            **PLAIN,
+            **NO_DESIGN,
+        }
         choices |= dict.fromkeys(LIGHT_FAMILIES, light)
         first = [name for name in kernel_files() if name.startswith("interact_")]
         first += ["element_deviated.cl", *(name for name in kernel_files() if name.startswith("scatter_"))]

@@ -94,5 +94,7 @@ def test_best_fit_spheres_that_end_near_the_mirror():
     """The root of Qbfs terms has no polynomial near the sphere's edge: refused, not fitted badly."""
     deep = Asphere(q_bfs_um={0: 1.0}, normalisation_radius_mm=50.0)
     assert len(Profile.of(Mirror(radius_mm=60.0, diameter_mm=100.0, asphere=deep)).series) < 60
-    with pytest.raises(SceneError, match=r"q_bfs_um: must have its mirror farther from the edge of the best-fit sphere"):
+    with pytest.raises(
+        SceneError, match=r"q_bfs_um: must have its mirror farther from the edge of the best-fit sphere"
+    ):
         Profile.of(Mirror(radius_mm=50.0 + 1e-6, diameter_mm=100.0, asphere=deep))

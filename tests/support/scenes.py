@@ -20,8 +20,8 @@ CURVATURES = ("convex", "flat", "lopsided-convex", "sideways")  # not concave; n
 
 
 def scene_of(name: str) -> Scene:
-    """A preset, an example with a mirror that is no concave conic, the lop-sided scene in which no two lengths are equal, or
-    one of REAL with what real set-ups have.
+    """A preset, an example with a mirror that is no concave conic, the lop-sided scene in which no two lengths are
+    equal, or one of REAL with what real set-ups have.
 
     "lopsided-convex": its mirror bent the other way, before a larger screen. "sideways": devices that look along Y.
     "lopsided-asphere": its mirror with even and odd terms, off the parent's axis.

@@ -21,8 +21,8 @@ from irtscots_cl.opencl import program, selftest
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose, kernel_files
-from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.asphere import Asphere
+from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
@@ -98,7 +98,8 @@ def small_setup(terms: int) -> Scene:
     )
 
 
-# Every file of the families surface, aperture, mirror, approach, arrival, zernike, asphere, frame, camera, lens, screen and glass
+# Every file of the families surface, aperture, mirror, approach, arrival, zernike, asphere, frame, camera, lens, screen
+# and glass
 MIRRORS = {
     "nominal": small("sphere"),
     "slight": small("sphere", zernike=(ZernikeTerms(radius_mm=540.0, ordering="noll", coefficients_um={4: 1e-5}),)),

@@ -1,8 +1,7 @@
 """What a mirror's aspheric terms need on a device: kernel files, structures and their values.
 
 Terms about the mirror's own axis are a polynomial there. Off the axis, the departure is a smooth function of x and y
-without a closed form; together with the mirror's Zernike deviation it becomes one Zernike series over the mirror, fitted
-until float64 tells no more.
+without a closed form; with the mirror's Zernike deviation it becomes one Zernike series over the mirror.
 """
 
 from __future__ import annotations
@@ -139,5 +138,3 @@ def quadric_radius_mm(chief: ChiefRays) -> float:
         must = "have its rim where light for it also meets the conic alone, from which rays are followed"
         raise SceneError(f"scene {chief.scene.name}: mirror: must {must}")
     return BEYOND_RIM * float(np.hypot(x0 + p * z, y0 + q * z).max())
-
-

@@ -64,13 +64,17 @@ def with_terms(scene, **changes):
 def test_segments_that_no_series_follows_are_refused():
     """A steep odd term whose cusp at the parent's axis lies inside the segment."""
     scene = with_terms(asphere_scene("off-axis"), off_axis_mm=30.0, asphere=Asphere(powers(p3=0.5)))
-    with pytest.raises(SceneError, match=r"^mirror.asphere: must be followed to 1e-09 mm .* they leave \S+ mm, \S+ rad$"):
+    with pytest.raises(
+        SceneError, match=r"^mirror.asphere: must be followed to 1e-09 mm .* they leave \S+ mm, \S+ rad$"
+    ):
         pack(ChiefRays(scene), "fp64")
 
 
 def test_designs_that_rays_do_not_reach_in_a_few_steps_are_refused(monkeypatch):
     monkeypatch.setattr("irtscots_cl.tracing.packing.departures.MAX_NEWTON_STEPS", 2)
-    with pytest.raises(SceneError, match=r"^scene asphere: mirror: must lie near enough to its conic for rays to reach"):
+    with pytest.raises(
+        SceneError, match=r"^scene asphere: mirror: must lie near enough to its conic for rays to reach"
+    ):
         pack(ChiefRays(asphere_scene("order-20")), "fp64")
     assert MAX_NEWTON_STEPS == 8
 
