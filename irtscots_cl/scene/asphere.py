@@ -149,5 +149,5 @@ class Asphere:
                 worst = slope
         if not worst <= MAX_SLOPE:
             key = "coefficients_mm" if self.coefficients_mm else "q_con_um" if self.q_con_um else "q_bfs_um"
-            must = f"have slopes of at most {MAX_SLOPE:g} over the mirror, not {worst:.3g}"
+            must = f"have slopes below {MAX_SLOPE:g} on the mirror, not {worst:.3g}"
             refuse(("asphere", key), getattr(self, key), must)

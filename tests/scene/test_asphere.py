@@ -61,8 +61,8 @@ REFUSED = [
     (Q + "q_con_um = { 19 = 1.0 }", {}, "q_con_um.19 = 1.0: must have an index m from 0 to 18 as its key"),
     (Q + "q_bfs_um = { 0 = 1.0 }", {"conic": -1.0}, "mirror.conic = -1.0: must be 0 with asphere.q_bfs_um"),
     ("normalisation_radius_mm = 5e3\nq_bfs_um = { 0 = 1.0 }", {}, "= 5000.0: must be below radius_mm's magnitude"),
-    ("coefficients_mm = { 4 = 1e-3 }", {}, "must have slopes of at most 1 over the mirror, not 5.99e+05"),
-    ("coefficients_mm = { 20 = 1e6, 19 = -1e6 }", {}, "must have slopes of at most 1 over the mirror"),
+    ("coefficients_mm = { 4 = 1e-3 }", {}, "must have slopes below 1 on the mirror, not 5.99e+05"),
+    ("coefficients_mm = { 20 = 1e6, 19 = -1e6 }", {}, "must have slopes below 1 on the mirror"),
 ]
 
 
