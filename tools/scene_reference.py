@@ -17,6 +17,7 @@ import textwrap
 
 from _generated import main
 
+from irtscots_cl.scene.asphere import Asphere
 from irtscots_cl.scene.calibration_known import Calibration, Knowledge
 from irtscots_cl.scene.camera_intrinsics import Intrinsics, check_intrinsics
 from irtscots_cl.scene.detector_noise import DetectorNoise
@@ -50,6 +51,16 @@ MEANINGS = (
         "zernike": "deviation along z; several tables add up",
         "scatter": "light that the mirror scatters, for the non-sequential estimator",
         "polynomial": "polynomials in x and y that are added to the conic along z",
+        "asphere": "aspheric terms of the design, above the conic",
+    }),
+    ("[mirror.asphere]", Asphere, "What the design's parent adds to its conic, along the parent's axis, as a function "
+     "of the distance r from it. It belongs to the design: a deviation is measured from the conic with these terms. "
+     "The equation and its sources: [geometry.md](geometry.md). A power of 1 is not allowed: a cone has no normal at "
+     "its vertex. A power of 2 changes the curvature at the vertex, from 1/R to 1/R + 2 a₂.", {
+        "coefficients_mm": "a_n of the sum of a_n rⁿ, by n, for r in mm",
+        "q_con_um": "coefficients of Forbes's Qcon terms, by m",
+        "q_bfs_um": "coefficients of Forbes's Qbfs terms, by m; the best-fit sphere is `radius_mm` with conic 0",
+        "normalisation_radius_mm": "r at which u = 1 in the Q terms",
     }),
     ("[[mirror.zernike]]", ZernikeTerms, "Zernike terms of the deviation. Whatever the numbering, terms are normalised "
      "as by Noll: a coefficient is an rms over the disk.", {
@@ -247,6 +258,7 @@ UNITS = {
     "deg": "°",
 }  # by the end of a key
 UNITS_OF_KEYS = {
+    "coefficients_mm": "mm^(1 - n)",
     "radiance": "W/(mm² sr)", "b0": "1/sr", "electrons_at_peak": "e", "dark_current_e_per_s": "e/s",
     "gain_e_per_dn": "e/DN",
 }  # fmt: skip

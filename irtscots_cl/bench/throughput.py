@@ -17,6 +17,7 @@ from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
 from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.asphere import Asphere
 from irtscots_cl.scene.camera_intrinsics import Intrinsics
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
@@ -118,9 +119,16 @@ def _features(sphere: Scene) -> dict[str, Scene]:
         terms = tuple((i, j, 0.01) for i in range(orders) for j in range(orders))
         return (Polynomial("chebyshev", (rim_mm, rim_mm), coefficients_um=terms),)
 
+    def asphere(powers) -> Scene:  # 0.1 mm high at the rim
+        rim = sphere.mirror.diameter_mm / 2
+        rises = {n: 0.1 / len(powers) / rim**n for n in powers}
+        return with_mirror(conic=-0.7154, asphere=Asphere(rises))
+
     return {
         "plain sphere": sphere,
         "conic": with_mirror(conic=-0.7154),
+        "asphere of order 20": asphere(range(4, 21, 2)),
+        "odd asphere": asphere(range(3, 21)),
         "off-axis conic": with_mirror(conic=-0.7154, off_axis_mm=20.0),
         "central hole": with_mirror(obscuration_mm=200.0),
         "1 Zernike term": with_mirror(zernike=zernike([6])),

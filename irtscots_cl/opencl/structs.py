@@ -182,6 +182,15 @@ def polynomial_dtype(real, rows: int, columns: int) -> np.dtype:
     return np.dtype([(name, real) for name in names] + [("coefficient", real, (rows, columns))], align=True)
 
 
+ABOUT = 6
+
+
+def asphere_dtype(real, pairs: int) -> np.dtype:
+    """Aspheric terms for kernels/mirror/profile.cl: coefficients [mm] of a polynomial in t, of an even power and of the
+    next one in each pair, highest first; about: those of s, s^2, ... that nearly give the height, highest first."""
+    return np.dtype([("inverse_radius", real), ("about", real, ABOUT), ("coefficient", real, (pairs, 2))], align=True)
+
+
 def scene_dtype(real, mirror: np.dtype, parts: dict[str, np.dtype], glass: bool = False) -> np.dtype:
     """The values of the scene that are the same for all rays.
 

@@ -20,7 +20,7 @@ RINGS = 16  # of the points that find a departure's extremes
 class Departure(Protocol):
     """Heights along z that are added to a quadric.
 
-    radius_mm: the mirror's points lie within it; from 2 % outside, rays take the height for 0.
+    radius_mm: the mirror's points lie within it; from 2 % outside, rays take a deviation's height for 0.
     """
 
     @property
@@ -60,7 +60,11 @@ def polar_points(radius_mm: float, angles: int) -> tuple[FloatArray, FloatArray]
 
 def design_departures(mirror: Mirror) -> tuple[Departure, ...]:
     """What the design of a scene's mirror adds to its conic."""
-    return _polynomials(mirror, "design")
+    if mirror.asphere is None:
+        return _polynomials(mirror, "design")
+    from irtscots_cl.optics.asphere import asphere_departure  # imported late: few mirrors have such terms
+
+    return (asphere_departure(mirror), *_polynomials(mirror, "design"))
 
 
 def deviations(mirror: Mirror) -> tuple[Departure, ...]:

@@ -83,7 +83,8 @@ class ZernikeTerms:
 class Mirror:
     """A conic of revolution, or an off-axis piece of one, with a round rim and a round central hole.
 
-    radius_mm: at the parent's vertex; above 0 concave towards +Z, below 0 convex, inf flat.
+    radius_mm: at the parent's vertex; above 0 concave towards +Z, below 0 convex, inf flat. asphere: a
+    scene.asphere.Asphere that the design adds to the conic, or None.
     """
 
     radius_mm: MirrorRadiusMm
@@ -95,6 +96,7 @@ class Mirror:
     zernike: Annotated[tuple[ZernikeTerms, ...], Field(description="tables [[mirror.zernike]]")] = ()
     scatter: Annotated[Any, Field(description="a table [mirror.scatter]")] = None
     polynomial: Annotated[tuple[Any, ...], Field(description="tables [[mirror.polynomial]]")] = ()
+    asphere: Annotated[Any, Field(description="a table [mirror.asphere]")] = None
 
     @model_validator(mode="after")
     def _check(self) -> Mirror:
@@ -113,6 +115,10 @@ class Mirror:
                 refuse(("off_axis_mm",), self.off_axis_mm, f"be below {reach_mm:.10g}, where the conic ends")
             limit_mm = 2 * (reach_mm - self.off_axis_mm)
             refuse(("diameter_mm",), self.diameter_mm, f"be below {limit_mm:.10g}, where the conic ends")
+        if self.asphere is not None:
+            if not hasattr(self.asphere, "check_on"):
+                refuse(("asphere",), self.asphere, "be an Asphere of irtscots_cl.scene.asphere")
+            self.asphere.check_on(self)
         for k, terms in enumerate(self.zernike):
             if terms.radius_mm < self.diameter_mm / 2:
                 must = f"be at least half of diameter_mm ({self.diameter_mm / 2!r}), to cover the mirror"
@@ -135,4 +141,5 @@ class Mirror:
     def parent_sag_mm(self, r_mm: float) -> float:
         """Height in mm of the parent above its vertex's plane, at r_mm from its axis; below 0 if it is convex."""
         root = math.sqrt(max(self.radius_mm**2 - (1.0 + self.conic) * r_mm * r_mm, 0.0))
-        return r_mm * r_mm / (self.radius_mm + math.copysign(root, self.radius_mm))
+        sag_mm = r_mm * r_mm / (self.radius_mm + math.copysign(root, self.radius_mm))
+        return sag_mm if self.asphere is None else sag_mm + float(self.asphere.height_mm(r_mm, self.radius_mm))

@@ -20,6 +20,7 @@ KINDS = {  # path of keys -> (module of irtscots_cl.scene, its checked dataclass
     ("screen", "shape"): ("screen_shape", "ScreenShape"),
     ("screen", "cover_glass"): ("screen_shape", "CoverGlass"),
     ("screen", "lines"): ("screen_shape", "ScanLines"),
+    ("mirror", "asphere"): ("asphere", "Asphere"),
     ("calibration",): ("calibration_known", "Calibration"),
 }
 LISTS: dict[tuple[str, ...], tuple[str, str]] = {  # the same for arrays of tables

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from aspheres import asphere_scene
 from freeform import lopsided_freeform
 from lopsided import lopsided
 from real_setup import SHAPES, real_setup
@@ -51,8 +52,12 @@ DEVICE_FAMILIES = {
     "screen": ["flat", "bent"],
     "glass": ["none", "plate"],
 }
-# What mirrors with polynomials choose.
-DEPARTURE_FAMILIES = {"polynomial": ["none", "chebyshev"]}
+# What mirrors with aspheric terms or polynomials choose.
+DEPARTURE_FAMILIES = {
+    "approach": ["slight", "exact"],
+    "asphere": ["none", "even", "odd"],
+    "polynomial": ["none", "chebyshev"],
+}
 NO_DEPARTURE = {family: members[0] for family, members in DEPARTURE_FAMILIES.items()}
 PLAIN = {family: members[0] for family, members in DEVICE_FAMILIES.items()}
 LENSES = ["polynomial", "rational"]  # of a camera with distortion
@@ -123,6 +128,16 @@ def test_polynomials_compose_and_build(device, precision):
     for estimator, width in itertools.product(ESTIMATORS, {1, device.vector_width(precision)}):
         source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
         assert "polynomial_chebyshev.cl" in source.files
+
+
+@pytest.mark.parametrize("asphere", ["even", "odd"])
+def test_every_kind_of_asphere_composes_and_builds(device, precision, asphere):
+    packed = pack(ChiefRays(asphere_scene({"even": "deviated"}.get(asphere, asphere))), precision)
+    expected = {"mirror": "deviated", "approach": "exact", "asphere": asphere}
+    assert packed.choices | expected == packed.choices
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    for estimator, width in itertools.product((*ESTIMATORS, "lines"), {1, device.vector_width(precision)}):
+        source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
         build(device, source)
 
 
@@ -164,12 +179,19 @@ def test_no_kernel_file_is_dead():
     for members in itertools.product(*DEPARTURE_FAMILIES.values()):
         choices = next(c for c in all_choices() if c["mirror"] == "deviated")
         choices |= dict(zip(DEPARTURE_FAMILIES, members, strict=True))
+    for members in itertools.product(*DEPARTURE_FAMILIES.values()):
+        choices = next(c for c in all_choices() if c["mirror"] == "deviated")
+        choices |= dict(zip(DEPARTURE_FAMILIES, members, strict=True))
         used |= set(compose("trace_forward.cl", choices, STRUCTS, "fp32", 8).files)
     for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
     for *members, light in itertools.product(*PATH_FAMILIES.values(), LIGHT_FAMILIES["light"]):
-        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power"}
-        choices |= PLAIN | NO_DEPARTURE
+        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {
+            "sampler": "philox",
+            "zernike": "power",
+            **PLAIN,
+            **NO_DEPARTURE,
+        }
         choices |= dict.fromkeys(LIGHT_FAMILIES, light)
         first = [name for name in kernel_files() if name.startswith("interact_")]
         first += ["element_deviated.cl", *(name for name in kernel_files() if name.startswith("scatter_"))]

@@ -22,6 +22,7 @@ from irtscots_cl.opencl import program, selftest
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose, kernel_files
+from irtscots_cl.scene.asphere import Asphere
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
@@ -98,7 +99,8 @@ def small_setup(terms: int) -> Scene:
     )
 
 
-# Every file of the families surface, aperture, mirror, arrival, zernike, polynomial, frame, camera, lens, screen, glass
+# Every file of the families surface, aperture, mirror, approach, arrival, zernike, asphere, polynomial, frame,
+# camera, lens, screen and glass
 MIRRORS = {
     "nominal": small("sphere"),
     "slight": small("sphere", zernike=(ZernikeTerms(radius_mm=540.0, ordering="noll", coefficients_um={4: 1e-5}),)),
@@ -108,6 +110,8 @@ MIRRORS = {
     "polynomials, ring": small(
         "sphere", obscuration_mm=266.0, polynomial=freeform().mirror.polynomial, zernike=ANNULAR
     ),
+    "even asphere": small("sphere-deviated", asphere=Asphere(coefficients_mm={4: 1e-12, 20: 1e-55})),
+    "odd asphere": small("sphere", asphere=Asphere(coefficients_mm={3: 1e-9, 4: 1e-12})),
     "flat": small("sphere", radius_mm=math.inf),
     "real, k1 to k3": small_setup(5),
     "real, k1 to k6": small_setup(8),

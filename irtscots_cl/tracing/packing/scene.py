@@ -74,8 +74,8 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
     scene = np.zeros(1, structs["Scene"])
     _fill_mirror(scene["mirror"][0:1], surface)
     if deviated:
-        scene["mirror"]["newton_steps"] = newton_steps(chief, NEWTON_SLOPE[precision])
-        scene["mirror"]["departure_radius2"] = 1.04 * surface.departure_radius_mm**2
+        scene["mirror"]["newton_steps"] = newton_steps(chief, NEWTON_SLOPE[precision], real)
+        scene["mirror"]["departure_radius2"] = _departure_radius2(chief)
     _fill_frame(scene["screen"], chief.screen_frame)
     _fill_frame(scene["camera"], chief.camera_frame)
     _fill_devices(scene, chief)
@@ -97,6 +97,16 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
         "glass": "none" if glass is None else "plate",
     }
     return Packed(choices, structs, departures.constants, scene, np.asarray(departures.tables, real))
+
+
+def _departure_radius2(chief: ChiefRays) -> float:
+    """Square of the radius beyond which no line that meets the quadric meets the mirror."""
+    beside = 1.04 * chief.surface.departure_radius_mm**2
+    if not chief.surface.design:
+        return beside
+    from irtscots_cl.tracing.packing.asphere import quadric_radius_mm  # imported late: few designs have departures
+
+    return max(beside, quadric_radius_mm(chief) ** 2)
 
 
 def _surface_file(mirror) -> str:
