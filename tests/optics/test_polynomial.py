@@ -20,7 +20,7 @@ STEP_MM = 1e-2  # of differences of the fourth order: 1e-12 rad of rounding, and
 HEIGHT_MM = {"fp64": 1e-6, "fp32": 1e-3}  # 1 nm; 1 um
 BEND_MM = 3e-6  # of the sphere over the way of 0.13 x 1.6 mm from it to a design of that height
 SLOPE_RAD = {"fp64": 1e-9, "fp32": 1e-7}
-HIGH = Polynomial("chebyshev", (RIM_MM, RIM_MM), coefficients_um=((30, 0, 0.01), (0, 30, 0.01), (30, 30, 0.003)))
+HIGH = Polynomial("chebyshev", (RIM_MM, RIM_MM), coefficients_um=((30, 0, 0.1), (0, 30, 0.1), (30, 30, 0.03)))
 KINDS = {
     "chebyshev": ((CHEBYSHEV,), ()),
     "legendre, 1 mm": ((DESIGN,), ()),
