@@ -8,12 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from irtscots_cl.maths.quadric import Quadric
 from irtscots_cl.optics.departure import Departure, design_departures, deviations
 from irtscots_cl.system import interruption
+
+if TYPE_CHECKING:
+    from irtscots_cl.optics.outline import Outline
 
 MAX_STEPS = 50  # from the quadric to the surface; each is shorter by the departure's slope times the ray's
 NEAR_MM = 1e-9  # a last step shorter than that leaves far less: slopes of surfaces are small
@@ -26,7 +30,8 @@ _BESIDE = np.errstate(over="ignore", invalid="ignore", divide="ignore")
 class Surface:
     """A quadric plus departures along z, inside a circular or annular aperture.
 
-    design: departures of the design; deviation: those of the mirror as made from its design.
+    design: departures of the design; deviation: those of the mirror as made from its design. outline: what the aperture
+    is limited to, of a mirror that is no whole disk.
     """
 
     quadric: Quadric
@@ -34,6 +39,7 @@ class Surface:
     obscuration_radius_mm: float = 0.0
     design: tuple[Departure, ...] = ()
     deviation: tuple[Departure, ...] = ()
+    outline: Outline | None = None
 
     @classmethod
     def of(cls, mirror) -> Surface:
@@ -44,6 +50,7 @@ class Surface:
             mirror.obscuration_mm / 2,
             design_departures(mirror),
             deviations(mirror),
+            _outline(mirror),
         )
 
     @property
@@ -59,7 +66,25 @@ class Surface:
     def contains(self, x_mm, y_mm, margin_mm: float = 0.0) -> np.ndarray:
         """Whether points lie in the aperture, widened by margin_mm at its rim and at the hole's."""
         radius = np.hypot(x_mm, y_mm)
-        return (radius <= self.aperture_radius_mm + margin_mm) & (radius >= self.obscuration_radius_mm - margin_mm)
+        on = (radius <= self.aperture_radius_mm + margin_mm) & (radius >= self.obscuration_radius_mm - margin_mm)
+        return on if self.outline is None else on & self.outline.contains(x_mm, y_mm, margin_mm)
+
+    def depth(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Distance [mm] of points from the aperture's edge, above 0 inside, and the direction (x, y) in which it grows.
+
+        See Outline.depth for where it may be too small.
+        """
+        radius = np.hypot(x_mm, y_mm)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            out_x, out_y = np.nan_to_num(x_mm / radius), np.nan_to_num(y_mm / radius)
+        depth, toward_x, toward_y = self.aperture_radius_mm - radius, -out_x, -out_y
+        others = [(radius - self.obscuration_radius_mm, out_x, out_y)] if self.obscuration_radius_mm > 0 else []
+        others += [] if self.outline is None else [self.outline.depth(x_mm, y_mm)]
+        for other, other_x, other_y in others:
+            less = other < depth
+            depth = np.where(less, other, depth)
+            toward_x, toward_y = np.where(less, other_x, toward_x), np.where(less, other_y, toward_y)
+        return depth, toward_x, toward_y
 
     def deviation_at(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Deviation from the design [mm] and its slopes dz/dx, dz/dy at points of any one shape."""
@@ -109,6 +134,14 @@ class Surface:
         interruption.check()
         outgoing = directions - 2.0 * np.sum(directions * normal, -1, keepdims=True) * normal
         return np.stack([x, y, z], -1), outgoing
+
+
+def _outline(mirror) -> Outline | None:
+    if mirror.outline is None:
+        return None
+    from irtscots_cl.optics.outline import Outline  # imported late: few mirrors are no disks
+
+    return Outline.of(mirror)
 
 
 @_BESIDE

@@ -6,7 +6,7 @@ import dataclasses
 import re
 from typing import Any
 
-LISTS = ("element",)  # fields that are arrays of tables; [[mirror.zernike]] has a form of its own
+LISTS = ("element", "part", "spider")  # fields that are arrays of tables; [[mirror.zernike]] has a form of its own
 
 
 def _toml_value(value: Any) -> str:

@@ -2,6 +2,7 @@
 // mirror_nominal.cl. Frame: the world. Unit: mm.
 #include "surface_*.cl"
 #include "aperture_*.cl"
+#include "outline_*.cl"
 #include "departure.cl"
 
 // Where a line meets the mirror, and the departure and its slopes there. on_mirror: false if it misses the aperture or
@@ -29,6 +30,7 @@ INLINE void mirror_deviate(__constant Scene *scene, __global const real *tables,
         at->point = (vec3v){base.x + line->p * dz, base.y + line->q * dz, base.z + dz};
     }
     at->on_mirror &= aperture_contains(&scene->mirror, at->point);
+    outline_limit(scene, tables, at->point, &at->on_mirror);
 }
 
 // The quadric's normal below the point.
