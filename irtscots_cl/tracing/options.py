@@ -127,6 +127,7 @@ def check_nonsequential(scene: Scene) -> None:
     for key, given in (
         ("camera.intrinsics.distortion", camera.is_distorted and list(camera.intrinsics.distortion)),
         ("camera.aperture_offset_mm", any(camera.aperture_offset_mm) and list(camera.aperture_offset_mm)),
+        ("mirror.outline", scene.mirror.outline is not None and "no whole disk"),
         ("screen.shape", screen.shape is not None and "a bent screen"),
         ("screen.cover_glass", screen.cover_glass is not None and "a plate on the pixels"),
     ):
