@@ -14,7 +14,7 @@ INLINE void outline_clip(__constant Scene *scene, vec3v point, real by_x, real b
     __constant OutlinePlane *plane = scene->outline.planes;
     for (int k = 0; k < (int)(sizeof(scene->outline.planes) / sizeof(OutlinePlane)); ++k) {
         const realv room = plane[k].distance - (plane[k].normal_x * point.x + plane[k].normal_y * point.y);
-        const real speed = plane[k].normal_x * by_x + plane[k].normal_y * by_y;   // towards the side
+        const realv speed = plane[k].normal_x * by_x + plane[k].normal_y * by_y;   // towards the side; a mask per lane
         const realv meets = room / speed;
         *high = ((speed > 0) & (meets < *high)) ? meets : *high;
         *low = ((speed < 0) & (meets > *low)) ? meets : *low;
