@@ -20,6 +20,7 @@ from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.camera_intrinsics import Intrinsics
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.outline import Outline, OutlinePart, Spider
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.screen_shape import CoverGlass, ScreenShape
 from irtscots_cl.tracing.estimators.nonsequential import PathTask
@@ -111,15 +112,28 @@ def _features(sphere: Scene) -> dict[str, Scene]:
     def zernike(indices) -> tuple[ZernikeTerms, ...]:
         return (ZernikeTerms(sphere.mirror.diameter_mm / 2, "noll", dict.fromkeys(indices, 0.01)),)
 
+    diameter = sphere.mirror.diameter_mm
     return {
         "plain sphere": sphere,
         "conic": with_mirror(conic=-0.7154),
         "off-axis conic": with_mirror(conic=-0.7154, off_axis_mm=20.0),
         "central hole": with_mirror(obscuration_mm=200.0),
+        "hexagonal outline": with_mirror(outline=Outline(shape="hexagon", across_corners_mm=diameter)),
+        "outline of three parts and a spider": with_mirror(outline=_parts(diameter)),
         "1 Zernike term": with_mirror(zernike=zernike([6])),
         "6 Zernike terms": with_mirror(zernike=zernike([6, 8, 9, 11, 29, 38])),
         "33 Zernike terms": with_mirror(zernike=zernike(range(4, 37))),
     }
+
+
+def _parts(diameter_mm: float) -> Outline:
+    """An outline of parts that covers most of a disk."""
+    circle = OutlinePart(shape="circle", diameter_mm=0.9 * diameter_mm)
+    bars = tuple(
+        OutlinePart(shape="rectangle", size_mm=(0.98 * diameter_mm, 0.2 * diameter_mm), rotation_deg=turn)
+        for turn in (0.0, 90.0)
+    )
+    return Outline(part=(circle, *bars), spider=(Spider(width_mm=0.01 * diameter_mm, angles_deg=(45.0, 135.0, 270.0)),))
 
 
 def _devices(sphere: Scene) -> dict[str, Scene]:
