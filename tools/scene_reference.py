@@ -24,6 +24,7 @@ from irtscots_cl.scene.element import ALLOWS, KINDS, NEEDS, Element
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import ZERNIKE_KEYS, Scene
+from irtscots_cl.scene.outline import Outline, OutlinePart, Spider, check_polygon, check_shape
 from irtscots_cl.scene.presets import preset_names, preset_text
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
 from irtscots_cl.scene.screen_response import ScreenResponse
@@ -48,6 +49,40 @@ MEANINGS = (
         "reflectance": "reflected part of the light",
         "zernike": "deviation along z; several tables add up",
         "scatter": "light that the mirror scatters, for the non-sequential estimator",
+        "outline": "the part of the disk that is the mirror, where that is not all of it: [outlines.md](outlines.md)",
+    }),
+    ("[mirror.outline]", Outline, "One shape, or several parts; spiders are taken away. What sticks out of the disk is "
+     "cut by it. [outlines.md](outlines.md) has the shapes.", {
+        "shape": "of a mirror in one piece; angles are told from +x towards +y",
+        "diameter_mm": "of a circle",
+        "obscuration_mm": "diameter of a hole in a circle, which makes it a ring",
+        "size_mm": "of a rectangle, along x and y before it is turned",
+        "across_flats_mm": "of a hexagon, between opposite sides",
+        "across_corners_mm": "of a hexagon, between opposite corners",
+        "points_mm": "corners of a polygon in order, told from `centre_mm`; the last side leads back to the first",
+        "centre_mm": "of the shape, in the mirror's x and y",
+        "rotation_deg": "turn of the shape about its centre; a hexagon at 0 has a corner towards +x",
+        "file": "of a mask: not 0 where the mirror is; row and column grow with y and x; a path relative to this file",
+        "pitch_mm": "of a mask's pixels",
+        "part": "several shapes, whose union is the mirror",
+        "spider": "strips that send no light",
+    }),
+    ("[[mirror.outline.part]]", OutlinePart, "One of several shapes; its keys are those of [mirror.outline].", {
+        "shape": "of this part",
+        "diameter_mm": "of a circle",
+        "obscuration_mm": "diameter of a hole in a circle",
+        "size_mm": "of a rectangle",
+        "across_flats_mm": "of a hexagon, between opposite sides",
+        "across_corners_mm": "of a hexagon, between opposite corners",
+        "points_mm": "corners of a polygon",
+        "centre_mm": "of the shape",
+        "rotation_deg": "turn of the shape about its centre",
+    }),
+    ("[[mirror.outline.spider]]", Spider, "Straight strips, from a centre outwards or between two points.", {
+        "width_mm": "of each strip",
+        "angles_deg": "directions in which strips leave the centre, to beyond the rim",
+        "ends_mm": "the two ends of one strip",
+        "centre_mm": "where the strips at `angles_deg` begin",
     }),
     ("[[mirror.zernike]]", ZernikeTerms, "Zernike terms of the deviation. Whatever the numbering, terms are normalised "
      "as by Noll: a coefficient is an rms over the disk.", {
@@ -212,7 +247,7 @@ MEANINGS = (
         "g": "exponent of the decay",
     }),
 )  # fmt: skip
-CHECKS = {Intrinsics: check_intrinsics, ScanLines: check_lines}  # that the table above calls, with its own numbers
+CHECKS = {Intrinsics: check_intrinsics, ScanLines: check_lines, Outline: check_shape, OutlinePart: check_polygon}  # that the table above calls, with its own numbers
 HIDDEN = {ZernikeTerms: {"ordering"}}  # in a file the key of the coefficients states it
 UNITS = {
     "mm": "mm",
@@ -300,7 +335,7 @@ def rules_of(model) -> list[str]:
         found = rules_in(ast.parse(textwrap.dedent(inspect.getsource(CHECKS[model]))), names)
         rules += [re.sub(r"`\w+\.", "`", rule) for rule in found]  # from the table above
     # What an element's kind needs or takes has a table of its own; a module's name is no key of a file.
-    return [r for r in dict.fromkeys(rules) if "for kind" not in r and "irtscots_cl." not in r]
+    return [r for r in dict.fromkeys(rules) if "for kind" not in r and "for shape" not in r and "irtscots_cl." not in r]
 
 
 def rules_in(tree: ast.AST, names: dict) -> list[str]:

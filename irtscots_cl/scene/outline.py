@@ -65,7 +65,9 @@ class OutlinePart:
     Raises SceneError for a value that is not allowed.
     """
 
-    shape: Annotated[Literal["circle", "rectangle", "hexagon", "polygon"], _WORD]
+    shape: Annotated[
+        Literal["circle", "rectangle", "hexagon", "polygon"], Field(description=f"one of {', '.join(SHAPES[:-1])}")
+    ]
     diameter_mm: OptionalMm = None
     obscuration_mm: NonNegativeMm = 0.0
     size_mm: OptionalSizeMm = None
@@ -189,14 +191,7 @@ class Outline:
     def check_within(self, diameter_mm: float, obscuration_mm: float) -> None:
         """Refuse shapes that leave nothing of a disk with a hole; what only sticks out is cut by the disk."""
         for k, shape in enumerate(self.shapes):
-            nearest, farthest = _distances(shape)
-            steps = ("outline", "part", k) if self.part else ("outline",)
-            if nearest >= diameter_mm / 2:
-                must = f"reach into the disk of mirror.diameter_mm ({diameter_mm!r})"
-                refuse((*steps, "shape"), shape.shape, must)
-            if farthest <= obscuration_mm / 2:
-                must = f"reach out of the hole of mirror.obscuration_mm ({obscuration_mm!r})"
-                refuse((*steps, "shape"), shape.shape, must)
+            _meets(shape, ("outline", "part", k) if self.part else ("outline",), diameter_mm, obscuration_mm)
 
 
 def check_shape(shape: Any) -> None:
@@ -206,8 +201,9 @@ def check_shape(shape: Any) -> None:
         value = getattr(shape, key, None)
         given = value not in (None, (), 0.0, (0.0, 0.0))
         if given and key not in ALLOWS.get(kind, ()):
-            named = "without a shape" if kind is None else f"for shape {kind!r}"
-            refuse((key,), value, f"be left out {named}")
+            if kind is None:
+                refuse((key,), value, "be left out without a shape")
+            refuse((key,), value, f"be left out for shape {kind!r}")
         if not given and key in NEEDS.get(kind, ()):
             refuse((key,), value or None, f"be given for shape {kind!r}")
     if kind == "hexagon" and (shape.across_flats_mm is None) == (shape.across_corners_mm is None):
@@ -215,7 +211,7 @@ def check_shape(shape: Any) -> None:
     if kind == "circle" and not shape.obscuration_mm < shape.diameter_mm:
         refuse(("obscuration_mm",), shape.obscuration_mm, f"be below diameter_mm ({shape.diameter_mm!r})")
     if kind == "polygon":
-        _check_polygon(shape.points_mm)
+        check_polygon(shape.points_mm)
 
 
 def corners_mm(shape: Any) -> list[Point]:
@@ -245,15 +241,16 @@ def _strip(start: Point, end: Point, width_mm: float) -> list[Point]:
     return [(x0 + v, y0 - u), (x1 + v, y1 - u), (x1 - v, y1 + u), (x0 - v, y0 + u)]
 
 
-def _check_polygon(points: tuple[Point, ...]) -> None:
+def check_polygon(points: tuple[Point, ...]) -> None:
     count = len(points)
     if not 3 <= count <= MAX_POINTS:
         refuse(("points_mm",), f"{count} points", f"be 3 to {MAX_POINTS} corners")
     sides = list(pairwise((*points, points[0])))
-    for k, (a, b) in enumerate(sides):
+    for a, b in sides:
         if a == b:
             must = "differ from the corner before it; the last side leads back to the first corner by itself"
             refuse(("points_mm",), list(b), must)
+    for k, (a, b) in enumerate(sides):
         for m in range(k + 1, count):
             c, d = sides[m]
             adjacent = m == k + 1 or (k == 0 and m == count - 1)
@@ -292,6 +289,17 @@ def _folds(one: tuple[Point, Point], other: tuple[Point, Point], follows: bool) 
     (a, b), (_, d) = (one, other) if follows else (other, one)
     back = (b[0] - a[0]) * (d[0] - b[0]) + (b[1] - a[1]) * (d[1] - b[1]) < 0
     return _turn(a, b, d) == 0 and back
+
+
+def _meets(shape: Any, steps: tuple[Any, ...], diameter_mm: float, obscuration_mm: float) -> None:
+    """Refuse a shape beside the disk, or in its hole. steps: from the mirror to the shape."""
+    nearest, farthest = _distances(shape)
+    if nearest >= diameter_mm / 2:
+        must = f"reach into the disk of mirror.diameter_mm ({diameter_mm!r})"
+        refuse((*steps, "shape"), shape.shape, must)
+    if farthest <= obscuration_mm / 2:
+        must = f"reach out of the hole of mirror.obscuration_mm ({obscuration_mm!r})"
+        refuse((*steps, "shape"), shape.shape, must)
 
 
 def _distances(shape: Any) -> tuple[float, float]:

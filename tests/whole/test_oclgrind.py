@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oclgrind import HOW_TO_GET_IT, Oclgrind, has_oclgrind
+from outlined import outline_of
 from real_setup import real_setup
 from tracers import setup_of, totals, tracer_of
 
@@ -97,7 +98,7 @@ def small_setup(terms: int) -> Scene:
     )
 
 
-# Every file of the families surface, aperture, mirror, arrival, zernike, frame, camera, lens, screen and glass
+# Every file of the families surface, aperture, outline, mirror, arrival, zernike, frame, camera, lens, screen and glass
 MIRRORS = {
     "nominal": small("sphere"),
     "slight": small("sphere", zernike=(ZernikeTerms(radius_mm=540.0, ordering="noll", coefficients_um={4: 1e-5}),)),
@@ -105,6 +106,8 @@ MIRRORS = {
     "clenshaw, hole": small("sphere", conic=-0.5, obscuration_mm=300.0, zernike=terms(*range(4, 200, 13))),
     "off-axis": small("off-axis"),
     "flat": small("sphere", radius_mm=math.inf),
+    "polygon": small("sphere", outline=outline_of("hexagon", 1064.0)),
+    "parts": small("sphere-deviated", outline=outline_of("parts", 1064.0)),
     "real, k1 to k3": small_setup(5),
     "real, k1 to k6": small_setup(8),
 }
@@ -140,6 +143,7 @@ def test_samplers(oclgrind, width, sampler):
     "kind, estimator, precision",
     [("slight", "adjoint", "fp32"), ("clenshaw, hole", "lines", "fp32"), ("clenshaw, hole", "forward", "fp64"),
      ("off-axis", "adjoint", "fp64"), ("off-axis", "lines", "fp64"), ("flat", "adjoint", "fp32"),
+     ("polygon", "adjoint", "fp32"), ("polygon", "lines", "fp32"), ("parts", "forward", "fp64"),
      ("real, k1 to k3", "forward", "fp32"), ("real, k1 to k6", "forward", "fp64"), ("real, k1 to k6", "lines", "fp32")],
 )  # fmt: skip
 @pytest.mark.parametrize("width", WIDTHS)
@@ -148,6 +152,13 @@ def test_mirrors_and_precisions(oclgrind, width, kind, estimator, precision):
         "forward" if estimator == "forward" else "adjoint", precision=precision, smoothing=estimator == "lines"
     )
     traced(MIRRORS[kind], oclgrind.device(width), options, "atomic")
+    assert oclgrind.complaints() == []
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_outline_of_a_mask(oclgrind, width, tmp_path):
+    scene = small("sphere", outline=outline_of("mask", 1064.0, tmp_path))
+    traced(scene, oclgrind.device(width), TraceOptions("adjoint"), "atomic")
     assert oclgrind.complaints() == []
 
 

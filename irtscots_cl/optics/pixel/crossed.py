@@ -38,21 +38,22 @@ class Crossed:
         x, y = maps.centre("x", zero, zero), maps.centre("y", zero, zero)
         corners = [(zero + s, zero + t) for s in (-1.0, 1.0) for t in (-1.0, 1.0)]
         radius = np.max([np.hypot(maps.centre("x", *at) - x, maps.centre("y", *at) - y) for at in corners], axis=0)
-        near, which = np.zeros(len(x), int), np.full(len(x), -1)
+        near, crossing, which = np.zeros(len(x), int), np.zeros(len(x), int), np.full(len(x), -1)
         edges = list(_edges(surface))
         with np.errstate(invalid="ignore"):
             for k, (edge, _) in enumerate(edges):
                 distance = edge.away(x, y) if isinstance(edge, Side) else np.abs(edge.beyond(x, y)[0])
                 close = distance <= ALONE * radius
                 near += close
+                crossing += distance <= CROSSES * radius
                 which[close] = k
-            unclear = (near > 1) | ~np.isfinite(radius)
+            unclear = ((near > 1) & (crossing > 0)) | ~np.isfinite(radius)
             if surface.outline.has_grid:
                 unclear |= np.abs(surface.outline.depth(x, y)[0]) <= CROSSES * radius
             whole = surface.contains(x, y) & ~unclear
         cut = []
         for k, (edge, around) in enumerate(edges):
-            pixels = np.flatnonzero((which == k) & ~unclear)
+            pixels = np.flatnonzero((which == k) & (crossing > 0) & ~unclear)
             parts = _parts(surface, edge, x[pixels], y[pixels], radius[pixels])
             crossed = pixels[parts]
             if crossed.size:
