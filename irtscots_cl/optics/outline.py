@@ -43,9 +43,10 @@ class Polygon:
     def contains(self, x_mm, y_mm) -> BoolArray:
         """Whether points lie inside, by the number of sides that a ray towards +x crosses."""
         inside = np.zeros(np.shape(x_mm), bool)
-        for (x0, y0), (u, v) in zip(*self.sides, strict=True):
-            if v != 0.0:
-                crossed = ((y0 <= y_mm) != (y0 + v <= y_mm)) & (x_mm < x0 + (y_mm - y0) * (u / v))
+        # heights are compared with the corners' own: one that is computed anew may leave a gap between two sides
+        for (x0, y0), (x1, y1) in zip(self.points, np.roll(self.points, -1, axis=0), strict=True):
+            if y1 != y0:
+                crossed = ((y0 <= y_mm) != (y1 <= y_mm)) & (x_mm < x0 + (y_mm - y0) * ((x1 - x0) / (y1 - y0)))
                 inside ^= crossed
         return inside
 

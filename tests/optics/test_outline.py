@@ -13,6 +13,7 @@ from scenes import with_part
 from irtscots_cl.optics.outline import Polygon
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.mirror import Mirror
+from irtscots_cl.scene.outline import Outline, Spider
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.checks.probes import MeetProbe
 
@@ -114,6 +115,16 @@ def test_points_that_are_no_numbers_are_beside_every_mirror(mirror):
     surface, none = Surface.of(mirror), np.array([np.nan, 0.0])
     assert not surface.contains(none, none[::-1]).any()
     assert not surface.contains(none, none[::-1], 5.0).any()
+
+
+def test_sides_that_are_level_but_for_rounding_leave_no_gap(device):
+    """The end of a strip at 90 degrees is level to 1e-15 mm; a ray on that height crosses both long sides or none."""
+    outline = Outline(spider=(Spider(width_mm=25.0, angles_deg=(90.0,)),))
+    mirror = Mirror(radius_mm=math.inf, diameter_mm=DIAMETER, outline=outline)
+    x, y = (v.ravel() for v in np.meshgrid([-438.0, -20.0, 20.0, 438.0], [-1e-15, -1e-16, 0.0, 1e-16, 1e-15]))
+    assert Surface.of(mirror).contains(x, y).all()
+    probe = MeetProbe(device, with_part(replace(load_scene("sphere"), mirror=mirror), "mirror"), "fp32")
+    assert probe(np.stack([x, y, 0 * x, 0 * x]).astype(probe.real)).on_mirror.all()
 
 
 def test_depth_of_a_square_in_closed_form():

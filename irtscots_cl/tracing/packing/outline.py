@@ -64,11 +64,11 @@ def _sides(shape: object) -> np.ndarray:
     """Lower end x, y, upper end's y, and dx / dy [n, 4] of a polygon's sides that are not level."""
     if not isinstance(shape, Polygon):
         return np.zeros((0, 4))
-    start, along = shape.sides
-    start, along = start[along[:, 1] != 0], along[along[:, 1] != 0]
-    low = np.where(along[:, 1:] > 0, start, start + along)
-    high_y = np.maximum(start[:, 1], start[:, 1] + along[:, 1])
-    return np.column_stack([low, high_y, along[:, 0] / along[:, 1]])
+    start, end = shape.points, np.roll(shape.points, -1, axis=0)
+    steep = start[:, 1] != end[:, 1]
+    rises = (end[:, 1] > start[:, 1])[:, None]
+    low, high = np.where(rises, start, end)[steep], np.where(rises, end, start)[steep]
+    return np.column_stack([low, high[:, 1], (high - low)[:, 0] / (high - low)[:, 1]])
 
 
 def _grid(grid: Grid, real, first: int) -> PackedOutline:
