@@ -247,7 +247,12 @@ MEANINGS = (
         "g": "exponent of the decay",
     }),
 )  # fmt: skip
-CHECKS = {Intrinsics: check_intrinsics, ScanLines: check_lines, Outline: check_shape, OutlinePart: check_polygon}  # that the table above calls, with its own numbers
+CHECKS = {
+    Intrinsics: check_intrinsics,
+    ScanLines: check_lines,
+    Outline: check_shape,
+    OutlinePart: check_polygon,
+}  # that the table above calls, with its own numbers
 HIDDEN = {ZernikeTerms: {"ordering"}}  # in a file the key of the coefficients states it
 UNITS = {
     "mm": "mm",

@@ -99,7 +99,7 @@ def find_outline(
 
 
 def _expected(chief: ChiefRays) -> tuple[RimCurve, RimCurve | None]:
-    """Rim of the design's mirror and its hole's. Raises NoOutlineError for a mirror that is not one piece with a rim."""
+    """Rim of the design's mirror and its hole's. Raises NoOutlineError for one in several pieces."""
     surface = chief.surface
     if surface.outline is not None:
         return _of_outline(chief, surface.outline)

@@ -177,8 +177,10 @@ def zernike_power_dtype(real, coefficients: int) -> np.dtype:
 
 
 def outline_polygon_dtypes(real, sides: int) -> dict[str, np.dtype]:
-    """A mirror's outline that is a convex polygon, for kernels/mirror/outline_polygon.cl: half planes n . p <= distance,
-    n the sides' unit normals outwards."""
+    """A mirror's outline that is a convex polygon, for kernels/mirror/outline_polygon.cl.
+
+    OutlinePlane: half plane n . p <= distance, n the side's unit normal outwards.
+    """
     plane = np.dtype([("normal_x", real), ("normal_y", real), ("distance", real)], align=True)
     return {"OutlinePlane": plane, "Outline": np.dtype([("planes", plane, sides)], align=True)}
 
@@ -186,7 +188,7 @@ def outline_polygon_dtypes(real, sides: int) -> dict[str, np.dtype]:
 def outline_parts_dtypes(real, parts: int, sides: int) -> dict[str, np.dtype]:
     """A mirror's outline of parts and strips (optics/outline.py), for kernels/mirror/outline_parts.cl.
 
-    OutlinePart: a polygon of side_count sides from first_side on, or with none a ring about (x, y) by its squared radii.
+    OutlinePart: a polygon of side_count sides from first_side on, or with none a ring about (x, y), by squared radii.
     OutlineSide: its lower end, the height of its upper end, and dx / dy.
     """
     part = np.dtype([(name, real) for name in ("x", "y", "outer2", "inner2")]

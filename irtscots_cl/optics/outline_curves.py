@@ -12,7 +12,7 @@ STEPS = 3  # from a curve near the edge to the edge
 
 
 def edge_curves(surface: Surface, points: int = 2048) -> list[tuple[FloatArray, bool]]:
-    """Closed curves [points, 2] along the edge of a surface's aperture, and whether each is a hole's; the longest first.
+    """Closed curves [points, 2] along the edge of a surface's aperture, and whether each is a hole's; longest first.
 
     Points lie at equal steps along a curve, but for what rounding a corner takes. Of a picture they follow its pixels.
     """
@@ -61,7 +61,7 @@ def _is_hole(surface: Surface, curve: FloatArray) -> bool:
     (x, y), (x1, y1) = curve.T, np.roll(curve, -1, axis=0).T
     area = (x * y1 - x1 * y).sum()
     ahead = np.roll(curve, -1, axis=0) - curve
-    step = 1e-3 * surface.aperture_radius_mm
+    step = 2 * surface.aperture_radius_mm / GRID
     left = np.stack([-ahead[:, 1], ahead[:, 0]], -1)
     left /= np.maximum(np.linalg.norm(left, axis=1, keepdims=True), 1e-300)
     to_left = (curve + ahead / 2 + step * left).T

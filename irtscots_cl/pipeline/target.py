@@ -110,7 +110,7 @@ def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed: Any) -
 
 
 def _ways(scene: Scene, device: Device, fixed: dict[str, Any]) -> list[TraceOptions]:
-    """The ways to trace that are considered: Sobol rays, smoothed where they can be, unless something else was fixed."""
+    """The ways to trace that are considered: Sobol rays, smoothed if they can be, unless something else was fixed."""
     estimator = fixed.get("estimator", "adjoint")
     precisions = [fixed["precision"]] if "precision" in fixed else ["fp32", "fp64"][: 1 + device.has_fp64]
     sampler, smoothing = (

@@ -16,7 +16,6 @@ from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.maths.arrays import IntArray
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.report.fiducial import MapFrame, mark_x
-from irtscots_cl.report.mirror_edge import draw_edge
 from irtscots_cl.report.figures import height_figure, slope_figure
 from irtscots_cl.report.fringe_file import (
     REASON_WORDS,
@@ -26,6 +25,7 @@ from irtscots_cl.report.fringe_file import (
     saturated_share,
     weakest_modulation,
 )
+from irtscots_cl.report.mirror_edge import draw_edge
 from irtscots_cl.system.atomic_files import replacing
 
 COLOURS = (  # of the reasons, used first

@@ -6,6 +6,7 @@ FAILURE_CHANCE, of every statistical test, is split among its statements by Sida
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import replace
 from functools import cache
 
@@ -21,6 +22,8 @@ from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.mirror import Mirror
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.checks.probes import MeetProbe
+from irtscots_cl.tracing.fingerprint import trace_fingerprint
+from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.trace import trace
 
 FAILURE_CHANCE = 1e-6
@@ -161,7 +164,27 @@ def test_the_light_of_the_parts_adds_up(device, folder):
     whole = kind(shape="rectangle", size_mm=(2 * half, 2 * half))
     base = scene_of("hexagon", folder)
     images = [
-        trace(with_part(base, "mirror", outline=o), device=device, rays_per_pixel=256).images(LineScan(base)).x.flux_w.sum()
+        trace(with_part(base, "mirror", outline=o), device=device, rays_per_pixel=256)
+        .images(LineScan(base))
+        .x.flux_w.sum()
         for o in (*outlines, whole)
     ]
     assert images[0] + images[1] == pytest.approx(images[2], rel=1e-6)  # rays at the common side to rounding
+
+
+def test_the_nonsequential_estimator_refuses_outlines(folder):
+    with pytest.raises(ValueError, match="mirror.outline = no whole disk: must be left out with --estimator nonseq"):
+        trace(scene_of("hexagon", folder), estimator="nonsequential", rays_per_pixel=8)
+
+
+def test_a_changed_picture_is_another_trace(tmp_path):
+    """A checkpoint of the picture as it was is not continued."""
+    scene = scene_of("mask", tmp_path)
+    facts = []
+    for value in (0, 1):
+        picture = ell_picture().copy()
+        picture[0, 0] = value
+        np.save(scene.mirror.outline.file, picture.astype(bool))
+        os.utime(scene.mirror.outline.file, (value, value))
+        facts.append(trace_fingerprint(scene, TraceOptions(), np.array([1]), {"device": "", "driver": ""}))
+    assert facts[0] != facts[1]

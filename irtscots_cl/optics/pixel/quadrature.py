@@ -55,9 +55,7 @@ def whole_cells(pixel: np.ndarray, along_s: int, along_t: int) -> PixelQuadratur
     )  # fmt: skip
 
 
-def cut_cells(
-    maps: RayMap, pixel: np.ndarray, edge: Edge, along: tuple[int, int], across: tuple
-) -> PixelQuadrature:
+def cut_cells(maps: RayMap, pixel: np.ndarray, edge: Edge, along: tuple[int, int], across: tuple) -> PixelQuadrature:
     """Cells of the parts of pixels [k] whose mirror points lie within an edge, the rim's circle or a straight side.
 
     Such a cell is an interval along s or t, whichever the rim crosses more steeply, at a Gauss point of the other.
@@ -87,9 +85,7 @@ def without(outer: PixelQuadrature, hole: PixelQuadrature) -> PixelQuadrature:
     )
 
 
-def _cut_along(
-    maps: RayMap, pixel: np.ndarray, along: str, edge: Edge, inner: int, outer: int
-) -> PixelQuadrature:
+def _cut_along(maps: RayMap, pixel: np.ndarray, along: str, edge: Edge, inner: int, outer: int) -> PixelQuadrature:
     """cut_cells where the rim is crossed along one direction, "s" or "t", by all these pixels [k]."""
 
     def at(inward, across):  # (s, t) of positions measured from the pixel's inner side

@@ -76,7 +76,9 @@ class PixelResponse:
             whole_cells(np.flatnonzero(whole), *count),
             cut_cells(maps, np.flatnonzero(rim & ~in_hole), Circle(surface.aperture_radius_mm), count, points),
         ])  # fmt: skip
-        return without(cells, cut_cells(maps, np.flatnonzero(hole), Circle(surface.obscuration_radius_mm), count, points))
+        return without(
+            cells, cut_cells(maps, np.flatnonzero(hole), Circle(surface.obscuration_radius_mm), count, points)
+        )
 
     @cached_property
     def _crossed_edges(self) -> Crossed:
