@@ -25,6 +25,7 @@ from irtscots_cl.scene.element import ALLOWS, KINDS, NEEDS, Element
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import ZERNIKE_KEYS, Scene
+from irtscots_cl.scene.outline import Outline, OutlinePart, Spider, check_polygon, check_shape
 from irtscots_cl.scene.polynomial import Polynomial, check_polynomials
 from irtscots_cl.scene.presets import preset_names, preset_text
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
@@ -52,6 +53,40 @@ MEANINGS = (
         "scatter": "light that the mirror scatters, for the non-sequential estimator",
         "polynomial": "polynomials in x and y that are added to the conic along z",
         "asphere": "aspheric terms of the design, above the conic",
+        "outline": "the part of the disk that is the mirror, where that is not all of it: [outlines.md](outlines.md)",
+    }),
+    ("[mirror.outline]", Outline, "One shape, or several parts; spiders are taken away. What sticks out of the disk is "
+     "cut by it. [outlines.md](outlines.md) has the shapes.", {
+        "shape": "of a mirror in one piece; angles are told from +x towards +y",
+        "diameter_mm": "of a circle",
+        "obscuration_mm": "diameter of a hole in a circle, which makes it a ring",
+        "size_mm": "of a rectangle, along x and y before it is turned",
+        "across_flats_mm": "of a hexagon, between opposite sides",
+        "across_corners_mm": "of a hexagon, between opposite corners",
+        "points_mm": "corners of a polygon in order, told from `centre_mm`; the last side leads back to the first",
+        "centre_mm": "of the shape, in the mirror's x and y",
+        "rotation_deg": "turn of the shape about its centre; a hexagon at 0 has a corner towards +x",
+        "file": "of a mask: not 0 where the mirror is; row and column grow with y and x; a path relative to this file",
+        "pitch_mm": "of a mask's pixels",
+        "part": "several shapes, whose union is the mirror",
+        "spider": "strips that send no light",
+    }),
+    ("[[mirror.outline.part]]", OutlinePart, "One of several shapes; its keys are those of [mirror.outline].", {
+        "shape": "of this part",
+        "diameter_mm": "of a circle",
+        "obscuration_mm": "diameter of a hole in a circle",
+        "size_mm": "of a rectangle",
+        "across_flats_mm": "of a hexagon, between opposite sides",
+        "across_corners_mm": "of a hexagon, between opposite corners",
+        "points_mm": "corners of a polygon",
+        "centre_mm": "of the shape",
+        "rotation_deg": "turn of the shape about its centre",
+    }),
+    ("[[mirror.outline.spider]]", Spider, "Straight strips, from a centre outwards or between two points.", {
+        "width_mm": "of each strip",
+        "angles_deg": "directions in which strips leave the centre, to beyond the rim",
+        "ends_mm": "the two ends of one strip",
+        "centre_mm": "where the strips at `angles_deg` begin",
     }),
     ("[mirror.asphere]", Asphere, "What the design's parent adds to its conic, along the parent's axis, as a function "
      "of the distance r from it. It belongs to the design: a deviation is measured from the conic with these terms. "
@@ -245,6 +280,8 @@ CHECKS = {  # that the table above calls, with its own numbers
     Intrinsics: check_intrinsics,
     ScanLines: check_lines,
     Polynomial: check_polynomials,
+    Outline: check_shape,
+    OutlinePart: check_polygon,
 }
 HIDDEN = {ZernikeTerms: {"ordering"}}  # in a file the key of the coefficients states it
 UNITS = {
@@ -342,7 +379,7 @@ def rules_of(model) -> list[str]:
     for key, shown in FILE_KEYS.get(model, {}).items():
         rules = [rule.replace(f"`{key}`", shown) for rule in rules]
     # What an element's kind needs or takes has a table of its own; a module's name is no key of a file.
-    return [r for r in dict.fromkeys(rules) if "for kind" not in r and "irtscots_cl." not in r]
+    return [r for r in dict.fromkeys(rules) if "for kind" not in r and "for shape" not in r and "irtscots_cl." not in r]
 
 
 def rules_in(tree: ast.AST, names: dict) -> list[str]:

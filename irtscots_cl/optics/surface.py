@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from irtscots_cl.optics.departure import Departure, design_departures, deviation
 from irtscots_cl.system import interruption
 
 BEYOND = 1.02  # radius in those of the deviations' disk: from there, beyond any mirror, they count for 0
+if TYPE_CHECKING:
+    from irtscots_cl.optics.outline import Outline
+
 MAX_STEPS = 50  # from the quadric to the surface; each is shorter by the departure's slope times the ray's
 NEAR_MM = 1e-9  # a last step shorter than that leaves far less: slopes of surfaces are small
 
@@ -29,7 +33,8 @@ _BESIDE = np.errstate(over="ignore", invalid="ignore", divide="ignore")
 class Surface:
     """A quadric plus departures along z, inside a circular or annular aperture.
 
-    design: departures of the design; deviation: those of the mirror as made from its design.
+    design: departures of the design; deviation: those of the mirror as made from its design. outline: what the aperture
+    is limited to, of a mirror that is no whole disk.
     """
 
     quadric: Quadric
@@ -37,6 +42,7 @@ class Surface:
     obscuration_radius_mm: float = 0.0
     design: tuple[Departure, ...] = ()
     deviation: tuple[Departure, ...] = ()
+    outline: Outline | None = None
 
     @classmethod
     def of(cls, mirror) -> Surface:
@@ -47,6 +53,7 @@ class Surface:
             mirror.obscuration_mm / 2,
             design_departures(mirror),
             deviations(mirror),
+            _outline(mirror),
         )
 
     @property
@@ -62,7 +69,25 @@ class Surface:
     def contains(self, x_mm, y_mm, margin_mm: float = 0.0) -> np.ndarray:
         """Whether points lie in the aperture, widened by margin_mm at its rim and at the hole's."""
         radius = np.hypot(x_mm, y_mm)
-        return (radius <= self.aperture_radius_mm + margin_mm) & (radius >= self.obscuration_radius_mm - margin_mm)
+        on = (radius <= self.aperture_radius_mm + margin_mm) & (radius >= self.obscuration_radius_mm - margin_mm)
+        return on if self.outline is None else on & self.outline.contains(x_mm, y_mm, margin_mm)
+
+    def depth(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Distance [mm] of points from the aperture's edge, above 0 inside, and the direction (x, y) in which it grows.
+
+        See Outline.depth for where it may be too small.
+        """
+        radius = np.hypot(x_mm, y_mm)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            out_x, out_y = np.nan_to_num(x_mm / radius), np.nan_to_num(y_mm / radius)
+        depth, toward_x, toward_y = self.aperture_radius_mm - radius, -out_x, -out_y
+        others = [(radius - self.obscuration_radius_mm, out_x, out_y)] if self.obscuration_radius_mm > 0 else []
+        others += [] if self.outline is None else [self.outline.depth(x_mm, y_mm)]
+        for other, other_x, other_y in others:
+            less = other < depth
+            depth = np.where(less, other, depth)
+            toward_x, toward_y = np.where(less, other_x, toward_x), np.where(less, other_y, toward_y)
+        return depth, toward_x, toward_y
 
     def deviation_at(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Deviation from the design [mm] and its slopes dz/dx, dz/dy at points of any one shape."""
@@ -168,6 +193,14 @@ class Surface:
         defined, more = self._defined(x_mm, y_mm), _sum(self.deviation, x_mm, y_mm)
         height, slope_x, slope_y = (a + np.where(defined, b, 0.0) for a, b in zip(total, more, strict=True))
         return height, slope_x, slope_y
+
+
+def _outline(mirror) -> Outline | None:
+    if mirror.outline is None:
+        return None
+    from irtscots_cl.optics.outline import Outline  # imported late: few mirrors are no disks
+
+    return Outline.of(mirror)
 
 
 @_BESIDE

@@ -81,7 +81,7 @@ class ZernikeTerms:
 
 @checked("mirror")
 class Mirror:
-    """A conic of revolution, or an off-axis piece of one, with a round rim and a round central hole.
+    """A conic of revolution, or an off-axis piece of one, with a round rim and a round central hole, or an outline.
 
     radius_mm: at the parent's vertex; above 0 concave towards +Z, below 0 convex, inf flat. asphere: a
     scene.asphere.Asphere that the design adds to the conic, or None.
@@ -97,13 +97,18 @@ class Mirror:
     scatter: Annotated[Any, Field(description="a table [mirror.scatter]")] = None
     polynomial: Annotated[tuple[Any, ...], Field(description="tables [[mirror.polynomial]]")] = ()
     asphere: Annotated[Any, Field(description="a table [mirror.asphere]")] = None
+    outline: Annotated[Any, Field(description="a table [mirror.outline]")] = None
 
     @model_validator(mode="after")
     def _check(self) -> Mirror:
+        if self.outline is not None and not hasattr(self.outline, "check_within"):
+            refuse(("outline",), self.outline, "be an Outline of irtscots_cl.scene.outline")
         if self.scatter is not None and not hasattr(self.scatter, "tis_at"):
             refuse(("scatter",), self.scatter, "be a model of irtscots_cl.scatter")
         if not self.obscuration_mm < self.diameter_mm:
             refuse(("obscuration_mm",), self.obscuration_mm, f"be below diameter_mm ({self.diameter_mm!r})")
+        if self.outline is not None:
+            self.outline.check_within(self.diameter_mm, self.obscuration_mm)
         if self.is_flat:
             for key in ("conic", "off_axis_mm"):
                 if getattr(self, key) != 0.0:

@@ -21,12 +21,13 @@ KINDS = {  # path of keys -> (module of irtscots_cl.scene, its checked dataclass
     ("screen", "cover_glass"): ("screen_shape", "CoverGlass"),
     ("screen", "lines"): ("screen_shape", "ScanLines"),
     ("mirror", "asphere"): ("asphere", "Asphere"),
+    ("mirror", "outline"): ("outline", "Outline"),
     ("calibration",): ("calibration_known", "Calibration"),
 }
 LISTS: dict[tuple[str, ...], tuple[str, str]] = {  # the same for arrays of tables
     ("mirror", "polynomial"): ("polynomial", "Polynomial"),
 }
-FILES = ("quantum_efficiency_map", "brightness_map")  # keys whose value is a path
+FILES = ("quantum_efficiency_map", "brightness_map", "file")  # keys whose value is a path
 _adapter = functools.cache(TypeAdapter)
 
 

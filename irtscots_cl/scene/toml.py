@@ -6,7 +6,12 @@ import dataclasses
 import re
 from typing import Any
 
-LISTS = ("element", "polynomial")  # fields that are arrays of tables; [[mirror.zernike]] has a form of its own
+LISTS = (
+    "element",
+    "polynomial",
+    "part",
+    "spider",
+)  # fields that are arrays of tables; [[mirror.zernike]] has a form of its own
 
 
 def _toml_value(value: Any) -> str:

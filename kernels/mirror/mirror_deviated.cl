@@ -2,6 +2,7 @@
 // mirror_nominal.cl. Frame: the world. Unit: mm.
 #include "surface_*.cl"
 #include "aperture_*.cl"
+#include "outline_*.cl"
 #include "departure.cl"
 
 // Where a line meets the mirror, and the departure and its slopes there. on_mirror: false if it misses the aperture or
@@ -23,6 +24,7 @@ INLINE void mirror_deviate(__constant Scene *scene, __global const real *tables,
     at->on_mirror &= base.x * base.x + base.y * base.y <= scene->mirror.departure_radius2;
     mirror_approach(scene, tables, line, base, surface_normal(&scene->mirror, base), at);
     at->on_mirror &= aperture_contains(&scene->mirror, at->point);
+    outline_limit(scene, tables, at->point, &at->on_mirror);
 }
 
 // The quadric's normal below the point.

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from freeform import ANNULAR, freeform
 from oclgrind import HOW_TO_GET_IT, Oclgrind, has_oclgrind
+from outlined import outline_of
 from real_setup import real_setup
 from tracers import setup_of, totals, tracer_of
 
@@ -99,7 +100,7 @@ def small_setup(terms: int) -> Scene:
     )
 
 
-# Every file of the families surface, aperture, mirror, approach, arrival, zernike, asphere, polynomial, frame,
+# Every file of the families surface, aperture, outline, mirror, approach, arrival, zernike, asphere, polynomial, frame,
 # camera, lens, screen and glass
 MIRRORS = {
     "nominal": small("sphere"),
@@ -113,6 +114,8 @@ MIRRORS = {
     "even asphere": small("sphere-deviated", asphere=Asphere(coefficients_mm={4: 1e-12, 20: 1e-55})),
     "odd asphere": small("sphere", asphere=Asphere(coefficients_mm={3: 1e-9, 4: 1e-12})),
     "flat": small("sphere", radius_mm=math.inf),
+    "polygon": small("sphere", outline=outline_of("hexagon", 1064.0)),
+    "parts": small("sphere-deviated", outline=outline_of("parts", 1064.0)),
     "real, k1 to k3": small_setup(5),
     "real, k1 to k6": small_setup(8),
 }
@@ -149,6 +152,7 @@ def test_samplers(oclgrind, width, sampler):
     [("slight", "adjoint", "fp32"), ("polynomials, ring", "adjoint", "fp32"),
      ("clenshaw, hole", "lines", "fp32"), ("clenshaw, hole", "forward", "fp64"),
      ("off-axis", "adjoint", "fp64"), ("off-axis", "lines", "fp64"), ("flat", "adjoint", "fp32"),
+     ("polygon", "adjoint", "fp32"), ("polygon", "lines", "fp32"), ("parts", "forward", "fp64"),
      ("real, k1 to k3", "forward", "fp32"), ("real, k1 to k6", "forward", "fp64"), ("real, k1 to k6", "lines", "fp32")],
 )  # fmt: skip
 @pytest.mark.parametrize("width", WIDTHS)
@@ -157,6 +161,13 @@ def test_mirrors_and_precisions(oclgrind, width, kind, estimator, precision):
         "forward" if estimator == "forward" else "adjoint", precision=precision, smoothing=estimator == "lines"
     )
     traced(MIRRORS[kind], oclgrind.device(width), options, "atomic")
+    assert oclgrind.complaints() == []
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_outline_of_a_mask(oclgrind, width, tmp_path):
+    scene = small("sphere", outline=outline_of("mask", 1064.0, tmp_path))
+    traced(scene, oclgrind.device(width), TraceOptions("adjoint"), "atomic")
     assert oclgrind.complaints() == []
 
 
