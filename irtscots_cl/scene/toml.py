@@ -49,7 +49,7 @@ def toml_table(path: tuple[str, ...], part: Any) -> str:
                 tables += f"\n[[{'.'.join(inner)}]]\nradius_mm = {_toml_value(terms.radius_mm)}\n"
                 tables += f"obscuration = {_toml_value(terms.obscuration)}\n" if terms.obscuration else ""
                 tables += f"{key} = {_toml_value(terms.coefficients_um)}\n"
-        elif field.name in LISTS:
+        elif field.name in LISTS and isinstance(value, tuple):
             for element in value:
                 tables += f"\n[[{'.'.join(inner)}]]\n" + toml_table(inner, element)
         elif value is not None:
