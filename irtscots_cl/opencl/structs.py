@@ -176,6 +176,16 @@ def zernike_power_dtype(real, coefficients: int) -> np.dtype:
     return np.dtype([("inverse_radius", real), ("coefficient", real, coefficients)], align=True)
 
 
+def map_grid_dtype(real) -> np.dtype:
+    """A height map: the place (u, v) of (x, y) [mm] on its grid is linear in them; the grid's nodes; and its tables.
+
+    Four neighbours along u begin at offset + u_step times the cell's u + v_step times its v in the tables.
+    """
+    reals = ("u_x", "u_y", "u", "v_x", "v_y", "v")
+    counts = ("u_nodes", "v_nodes", "u_step", "v_step", "offset")
+    return np.dtype([(name, real) for name in reals] + [(name, np.int32) for name in counts], align=True)
+
+
 def scene_dtype(real, mirror: np.dtype, parts: dict[str, np.dtype], glass: bool = False) -> np.dtype:
     """The values of the scene that are the same for all rays.
 

@@ -1,4 +1,4 @@
-"""The mirror of a scene: a conic with Zernike deviations."""
+"""The mirror of a scene: a conic with deviations, Zernike terms and measured maps."""
 
 from __future__ import annotations
 
@@ -66,6 +66,7 @@ class Mirror:
     obscuration_mm: NonNegativeMm = 0.0
     reflectance: Fraction = 1.0
     zernike: Annotated[tuple[ZernikeTerms, ...], Field(description="tables [[mirror.zernike]]")] = ()
+    map: Annotated[tuple[Any, ...], Field(description="tables [[mirror.map]]")] = ()
     scatter: Annotated[Any, Field(description="a table [mirror.scatter]")] = None
 
     @model_validator(mode="after")
@@ -85,6 +86,9 @@ class Mirror:
                 refuse(("off_axis_mm",), self.off_axis_mm, f"be below {reach_mm:.10g}, where the conic ends")
             limit_mm = 2 * (reach_mm - self.off_axis_mm)
             refuse(("diameter_mm",), self.diameter_mm, f"be below {limit_mm:.10g}, where the conic ends")
+        for k, entry in enumerate(self.map):
+            if not hasattr(entry, "outside"):
+                refuse(("map", k), entry, "be a MirrorMap of irtscots_cl.scene.height_map")
         for k, terms in enumerate(self.zernike):
             if terms.radius_mm < self.diameter_mm / 2:
                 must = f"be at least half of diameter_mm ({self.diameter_mm / 2!r}), to cover the mirror"
@@ -100,7 +104,7 @@ class Mirror:
 
     def nominal(self) -> Mirror:
         """The mirror as designed, without its deviations."""
-        return dataclasses.replace(self, zernike=())
+        return dataclasses.replace(self, zernike=(), map=())
 
     def parent_sag_mm(self, r_mm: float) -> float:
         """Height in mm of the parent above its vertex's plane, at r_mm from its axis; below 0 if it is convex."""

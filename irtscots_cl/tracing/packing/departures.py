@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,7 +10,9 @@ from irtscots_cl.maths.zernike.series import PowerRows, RadialSeries, power_rows
 from irtscots_cl.opencl.structs import zernike_clenshaw_dtype, zernike_power_dtype, zernike_term_dtype
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.departure import ZernikeDeparture
+from irtscots_cl.optics.height_map import MapDeparture
 from irtscots_cl.optics.surface import Surface
+from irtscots_cl.tracing.packing.maps import pack_maps
 
 MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
 MAX_NEWTON_STEPS = 8  # more than any departure needs that is still a mirror's
@@ -44,11 +46,16 @@ class PackedDepartures:
 
 def pack_departures(surface: Surface, real) -> PackedDepartures:
     """The departures of a surface that has some."""
-    packed = PackedDepartures({"zernike": "none"})
+    packed = PackedDepartures({"zernike": "none", "map": "none"})
+    tables = [packed.tables]
     for departure in surface.departures:  # at most one of each kind
         if isinstance(departure, ZernikeDeparture):
             packed.add(*_zernike(departure, real))
-    return packed
+        elif isinstance(departure, MapDeparture):
+            *parts, numbers = pack_maps(departure, real, sum(map(len, tables)))
+            packed.add(*parts)
+            tables.append(numbers)
+    return packed if len(tables) == 1 else replace(packed, tables=np.concatenate(tables, dtype=real))
 
 
 def _zernike(departure: ZernikeDeparture, real):
