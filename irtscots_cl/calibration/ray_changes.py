@@ -126,12 +126,21 @@ def _bend(surface: Surface, points: FloatArray) -> FloatArray:
     xy = (q.q_xz + q.q_zz * slope_x) * slope_y / down
     yy = (q.q_yy + q.q_zz * slope_y**2) / down
     bend = np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -1)
-    if surface.departures:
-        step = DEPARTURE_STEP * surface.departure_radius_mm
+    smooth = Surface(q, surface.aperture_radius_mm, deviation=tuple(d for d in surface.departures if not _bends(d)))
+    for departure in filter(_bends, surface.departures):  # a map's scale is its own: no step would suit every one
+        xx, xy, yy = departure.bend(x, y)
+        bend += np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -1)
+    if smooth.departures:
+        step = DEPARTURE_STEP * smooth.departure_radius_mm
         for k, (a, b) in enumerate(((step, 0.0), (0.0, step))):
             for where, weight in ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12)):
-                bend[..., k] += weight / step * np.stack(surface.departure_at(x + where * a, y + where * b)[1:], -1)
+                bend[..., k] += weight / step * np.stack(smooth.departure_at(x + where * a, y + where * b)[1:], -1)
     return bend
+
+
+def _bends(departure: object) -> bool:
+    """Whether a departure gives its second derivatives itself."""
+    return hasattr(departure, "bend")
 
 
 def _tilted_outgoing(along: FloatArray, normal: FloatArray, square: FloatArray, cosine: FloatArray) -> FloatArray:

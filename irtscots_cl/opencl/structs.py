@@ -177,12 +177,10 @@ def zernike_power_dtype(real, coefficients: int) -> np.dtype:
 
 
 def map_grid_dtype(real) -> np.dtype:
-    """A height map: the place (u, v) of (x, y) [mm] on its grid is linear in them; the grid's nodes; and its tables.
-
-    Four neighbours along u begin at offset + u_step times the cell's u + v_step times its v in the tables.
-    """
-    reals = ("u_x", "u_y", "u", "v_x", "v_y", "v")
-    counts = ("u_nodes", "v_nodes", "u_step", "v_step", "offset")
+    """A height map: the place (column, row) of (x, y) [mm] on its grid is linear in them; the grid's nodes; and where
+    its coefficients are in the tables: from offset on, stride from row to row."""
+    reals = ("column_x", "column_y", "column", "row_x", "row_y", "row")
+    counts = ("columns", "rows", "stride", "offset")
     return np.dtype([(name, real) for name in reals] + [(name, np.int32) for name in counts], align=True)
 
 

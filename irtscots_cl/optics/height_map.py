@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import math
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from irtscots_cl.scene.height_map import MirrorMap
     from irtscots_cl.scene.mirror import Mirror
 
+Slopes = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 BESIDE = 1.02  # of the mirror's radius: how far out rays meet its departures
 MARGIN = 8  # nodes that are kept around it: the edge of a spline is felt to 1e-5 there
 MAX_NODES = 8192  # on the mirror, along each axis: more leave single precision too little of a cell
@@ -38,7 +40,7 @@ class MapWarning(UserWarning):
     """What a map's file leaves open, or what was made up for heights that it lacks."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlacedMap:
     """A spline whose place (column, row) is matrix @ (x, y) + offset; matrix [2][2] in 1/mm."""
 
@@ -49,7 +51,7 @@ class PlacedMap:
     def at(self, x_mm: FloatArray, y_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Height [mm] and its slopes dz/dx, dz/dy at points of any one shape."""
         height, by_column, by_row = self.spline.at(*self._place(x_mm, y_mm))
-        return height, *self._by_place(by_column, by_row)
+        return height, *self.slopes(by_column, by_row)
 
     def bend(self, x_mm: FloatArray, y_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Second derivatives by x twice, by x and y, by y twice [1/mm]."""
@@ -61,46 +63,48 @@ class PlacedMap:
             b * b * twice + 2 * b * d * mixed + d * d * row_twice,
         )
 
-    def extreme_nodes(self, radius_mm: float) -> tuple[FloatArray, FloatArray]:
-        """Points (x, y) [n] of the nodes within a radius with the largest heights, slopes, and bends."""
-        back = np.linalg.inv(self.matrix)
-        rows, columns = self.spline.shape
-        found = []
-        for first in range(0, rows, ROWS):
-            last = min(first + ROWS, rows)
-            part = BicubicSpline(self.spline.coefficients[first : last + 2])
-            row, column = np.mgrid[first:last, :columns]
-            x, y = np.tensordot(back, np.stack([column - self.offset[0], row - self.offset[1]]), 1)
-            scores = _scores(part, self._by_place) * (np.hypot(x, y) <= radius_mm)
-            count = min(EXTREMES, x.size)
-            for score in scores.reshape(len(scores), -1):
-                best = np.argpartition(score, -count)[-count:]
-                found.append((score[best], x.ravel()[best], y.ravel()[best]))
-        kinds = (np.concatenate(found[k::3], axis=1) for k in range(3))
-        best_of = [kind[1:, np.argsort(kind[0])[-EXTREMES:]] for kind in kinds]
-        x, y = np.concatenate(best_of, axis=1)
-        inside = np.hypot(x, y) <= radius_mm
-        return x[inside], y[inside]
-
     def _place(self, x_mm: FloatArray, y_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
         (a, b), (c, d) = self.matrix
         return a * x_mm + b * y_mm + self.offset[0], c * x_mm + d * y_mm + self.offset[1]
 
-    def _by_place(self, by_column: FloatArray, by_row: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def slopes(self, by_column: FloatArray, by_row: FloatArray) -> tuple[FloatArray, FloatArray]:
         (a, b), (c, d) = self.matrix
         return a * by_column + c * by_row, b * by_column + d * by_row
 
 
-def _scores(spline: BicubicSpline, slopes_of) -> FloatArray:
-    """[3, rows, columns] of a spline's nodes: slope, height, and height times bend, all of which Newton steps feel."""
+def extreme_nodes(placed: PlacedMap, radius_mm: float) -> tuple[FloatArray, FloatArray]:
+    """Points (x, y) [n] of the nodes within a radius with the largest slopes, heights, and heights times bends."""
+    (a, b), (c, d) = np.linalg.inv(placed.matrix)
+    rows, columns = placed.spline.shape
+    from_left = np.arange(columns) - placed.offset[0]
+    found = []
+    for first in range(0, rows, ROWS):
+        last = min(first + ROWS, rows)
+        part = BicubicSpline(placed.spline.coefficients[first : last + 2])
+        from_low = np.arange(first, last)[:, None] - placed.offset[1]
+        x, y = a * from_left + b * from_low, c * from_left + d * from_low
+        on = np.flatnonzero(x * x + y * y <= radius_mm**2)
+        x, y = x.ravel()[on], y.ravel()[on]
+        for score in _scores(part, placed.slopes):
+            score = score.ravel()[on]
+            best = np.argpartition(score, -EXTREMES)[-EXTREMES:] if len(on) > EXTREMES else slice(None)
+            found.append((score[best], x[best], y[best]))
+    kinds = (np.concatenate(found[k::3], axis=1) for k in range(3))
+    x, y = np.concatenate([kind[1:, np.argsort(kind[0])[-EXTREMES:]] for kind in kinds], axis=1)
+    return x, y
+
+
+def _scores(spline: BicubicSpline, slopes_of: Slopes) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Each [rows, columns] of a spline's nodes: slope squared, height, and height times bend: what Newton steps feel."""
     height, by_column, by_row = spline.nodes()
-    slope = np.hypot(*slopes_of(by_column, by_row))
+    slope_x, slope_y = slopes_of(by_column, by_row)
     c = spline.coefficients
     bend = np.abs(c[1:-1, 2:] - 2 * c[1:-1, 1:-1] + c[1:-1, :-2]) + np.abs(c[2:, 1:-1] - 2 * c[1:-1, 1:-1] + c[:-2, 1:-1])
-    return np.stack([slope, np.abs(height), np.abs(height) * bend])
+    size = np.abs(height)
+    return slope_x**2 + slope_y**2, size, size * bend
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MapDeparture:
     """The sum of height maps on a mirror of radius_mm."""
 
@@ -117,10 +121,14 @@ class MapDeparture:
         twice, mixed, y_twice = (sum(parts) for parts in zip(*(m.bend(x_mm, y_mm) for m in self.maps), strict=True))
         return twice, mixed, y_twice
 
+    @functools.cached_property
+    def _extremes(self) -> list[tuple[FloatArray, FloatArray]]:
+        return [extreme_nodes(placed, self.radius_mm) for placed in self.maps]
+
     def spread(self, aperture_radius_mm: float) -> tuple[FloatArray, FloatArray]:
         """Points (x, y) [n] of the mirror, close enough to find the extremes of the slopes; many on the rim."""
         points = [polar_points(aperture_radius_mm, RIM_ANGLES)]
-        points += [placed.extreme_nodes(aperture_radius_mm) for placed in self.maps]
+        points += self._extremes
         return np.concatenate([x for x, _ in points]), np.concatenate([y for _, y in points])
 
 

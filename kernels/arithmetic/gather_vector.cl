@@ -1,5 +1,6 @@
-// Reading tables, one place per lane: four neighbours at once, in registers of four that are then transposed. Most
-// processors do that several times faster than they gather single numbers.
+// Reading tables, one place per lane: four neighbours at once, in registers of four that are then transposed. That is
+// several times faster than gathering single numbers. All of a lane's numbers are read before the next lane's, so that
+// its address is made once.
 #include "simd_*.cl"
 
 typedef REAL quad __attribute__((ext_vector_type(4)));
@@ -22,15 +23,19 @@ typedef quad quad_anywhere __attribute__((aligned(sizeof(REAL))));   // at any n
 #define SECOND(a, b) __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15)
 #endif
 
-// found[k] = table[place + k] for k from 0 to 3.
-INLINE void gather4(__global const real *table, intv place, realv *found) {
-    quad q[WIDTH];
-    for (int lane = 0; lane < WIDTH; ++lane)
-        q[lane] = *(__global const quad_anywhere *)(table + ((const int *)&place)[lane]);
-    const realv a = JOIN(q, 0), b = JOIN(q, 1), c = JOIN(q, 2), d = JOIN(q, 3);
-    const realv ab_low = LOW(a, b), ab_high = HIGH(a, b), cd_low = LOW(c, d), cd_high = HIGH(c, d);
-    found[0] = FIRST(ab_low, cd_low);
-    found[1] = SECOND(ab_low, cd_low);
-    found[2] = FIRST(ab_high, cd_high);
-    found[3] = SECOND(ab_high, cd_high);
+// found[j][k] = table[place + j * step + k] for j and k from 0 to 3.
+INLINE void gather4x4(__global const real *table, intv place, int step, realv found[4][4]) {
+    quad q[4][WIDTH];
+    for (int lane = 0; lane < WIDTH; ++lane) {
+        __global const real *at = table + ((const int *)&place)[lane];
+        for (int j = 0; j < 4; ++j) q[j][lane] = *(__global const quad_anywhere *)(at + (size_t)j * step);
+    }
+    for (int j = 0; j < 4; ++j) {
+        const realv a = JOIN(q[j], 0), b = JOIN(q[j], 1), c = JOIN(q[j], 2), d = JOIN(q[j], 3);
+        const realv ab_low = LOW(a, b), ab_high = HIGH(a, b), cd_low = LOW(c, d), cd_high = HIGH(c, d);
+        found[j][0] = FIRST(ab_low, cd_low);
+        found[j][1] = SECOND(ab_low, cd_low);
+        found[j][2] = FIRST(ab_high, cd_high);
+        found[j][3] = SECOND(ab_high, cd_high);
+    }
 }

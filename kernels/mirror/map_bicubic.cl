@@ -34,28 +34,28 @@ INLINE intv map_cell(realv inside, int count) {
 // Adds one map's height [mm] at (x, y) [mm] to *sum, and its slopes to *slope_x and *slope_y.
 INLINE void map_grid_add(__constant MapGrid *grid, __global const real *tables, realv x, realv y, realv *sum,
                          realv *slope_x, realv *slope_y) {
-    const realv at_u = grid->u_x * x + grid->u_y * y + grid->u, at_v = grid->v_x * x + grid->v_y * y + grid->v;
-    const realv u = map_inside(at_u, grid->u_nodes - 1), v = map_inside(at_v, grid->v_nodes - 1);
-    const intv u_cell = map_cell(u, grid->u_nodes), v_cell = map_cell(v, grid->v_nodes);
-    realv by_u[4], by_u_slope[4], by_v[4], by_v_slope[4];
-    map_weights(u - to_real(u_cell), by_u, by_u_slope);
-    map_weights(v - to_real(v_cell), by_v, by_v_slope);
-    intv place = u_cell * grid->u_step + v_cell * grid->v_step + grid->offset;
+    const realv column = grid->column_x * x + grid->column_y * y + grid->column;
+    const realv row = grid->row_x * x + grid->row_y * y + grid->row;
+    const realv u = map_inside(column, grid->columns - 1), v = map_inside(row, grid->rows - 1);
+    const intv left = map_cell(u, grid->columns), low = map_cell(v, grid->rows);
+    realv by_u[4], by_u_slope[4], by_v[4], by_v_slope[4], nodes[4][4];
+    map_weights(u - to_real(left), by_u, by_u_slope);
+    map_weights(v - to_real(low), by_v, by_v_slope);
+    gather4x4(tables, low * grid->stride + left + grid->offset, grid->stride, nodes);
     realv height = 0, along_u = 0, along_v = 0;
-    for (int k = 0; k < 4; ++k, place += grid->v_step) {
-        realv node[4];
-        gather4(tables, place, node);
+    for (int j = 0; j < 4; ++j) {
+        const realv *node = nodes[j];
         const realv level = by_u[0] * node[0] + by_u[1] * node[1] + by_u[2] * node[2] + by_u[3] * node[3];
-        height += by_v[k] * level;
-        along_v += by_v_slope[k] * level;
-        along_u += by_v[k] * (by_u_slope[0] * node[0] + by_u_slope[1] * node[1] + by_u_slope[2] * node[2]
+        height += by_v[j] * level;
+        along_v += by_v_slope[j] * level;
+        along_u += by_v[j] * (by_u_slope[0] * node[0] + by_u_slope[1] * node[1] + by_u_slope[2] * node[2]
                               + by_u_slope[3] * node[3]);
     }
-    along_u = u == at_u ? along_u : (realv)0;
-    along_v = v == at_v ? along_v : (realv)0;
+    along_u = u == column ? along_u : (realv)0;
+    along_v = v == row ? along_v : (realv)0;
     *sum += height;
-    *slope_x += grid->u_x * along_u + grid->v_x * along_v;
-    *slope_y += grid->u_y * along_u + grid->v_y * along_v;
+    *slope_x += grid->column_x * along_u + grid->row_x * along_v;
+    *slope_y += grid->column_y * along_u + grid->row_y * along_v;
 }
 
 // Adds the height [mm] of all maps at (x, y) [mm] to *sum, and their slopes to *slope_x and *slope_y.

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 
 from irtscots_cl.opencl.structs import map_grid_dtype
-from irtscots_cl.optics.height_map import MapDeparture, PlacedMap
+from irtscots_cl.optics.height_map import MapDeparture
 
-MAX_NUMBERS = 2**31  # of all tables: their places are 32-bit integers
-REPEATED_NODES = int(os.environ.get("REP", 2**24))
+MAX_NUMBERS = 2**31 - 1  # of all tables: their places are 32-bit integers
 
 
 def pack_maps(departure: MapDeparture, real, first: int):
@@ -23,25 +20,17 @@ def pack_maps(departure: MapDeparture, real, first: int):
     out = np.zeros((), np.dtype([("grid", grid, len(departure.maps))], align=True))
     numbers = []
     for entry, placed in zip(out["grid"], departure.maps, strict=True):
-        numbers.append(_pack(entry, placed, first).astype(real))
-        first += len(numbers[-1])
+        coefficients = placed.spline.coefficients
+        if first + coefficients.size > MAX_NUMBERS:
+            raise ValueError(f"mirror.map: {first + coefficients.size} numbers of all maps: must be at most {MAX_NUMBERS}")
+        rows, columns = coefficients.shape
+        (column_x, column_y), (row_x, row_y) = placed.matrix
+        for name, value in {
+            "column_x": column_x, "column_y": column_y, "column": placed.offset[0],
+            "row_x": row_x, "row_y": row_y, "row": placed.offset[1],
+            "columns": columns - 2, "rows": rows - 2, "stride": columns, "offset": first,
+        }.items():  # fmt: skip
+            entry[name] = value
+        numbers.append(coefficients.astype(real).ravel())
+        first += coefficients.size
     return {"map": "bicubic"}, {"MapGrid": grid, "Map": out.dtype}, {}, {"map": out[()]}, np.concatenate(numbers)
-
-
-def _pack(out: np.ndarray, placed: PlacedMap, first: int) -> np.ndarray:
-    coefficients = placed.spline.coefficients
-    rows, columns = coefficients.shape
-    (column_x, column_y), (row_x, row_y) = placed.matrix
-    by_column, by_row = (column_x, column_y, placed.offset[0]), (row_x, row_y, placed.offset[1])
-    if repeated := coefficients.size <= REPEATED_NODES:
-        windows = np.lib.stride_tricks.sliding_window_view(coefficients, 4, axis=0)  # [rows - 3, columns, 4]
-        numbers, u, v, nodes, steps = windows.ravel(), by_row, by_column, (rows - 2, columns - 2), (4 * columns, 4)
-    else:
-        numbers, u, v, nodes, steps = coefficients.ravel(), by_column, by_row, (columns - 2, rows - 2), (1, columns)
-    if first + len(numbers) > MAX_NUMBERS:
-        raise ValueError(f"mirror.map: {first} numbers of all maps on the mirror: must be at most {MAX_NUMBERS}")
-    values = [*u, *v, *nodes, *steps, first]
-    for name, value in zip(("u_x", "u_y", "u", "v_x", "v_y", "v", "u_nodes", "v_nodes", "u_step", "v_step", "offset"),
-                           values, strict=True):
-        out[name] = value
-    return numbers
