@@ -10,14 +10,17 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from lopsided import lopsided
 from real_setup import SHAPES, real_setup
 
+from irtscots_cl.formats.height_map import HeightMap
 from irtscots_cl.opencl.device import DeviceError
 from irtscots_cl.opencl.program import build, check_precision, compose, kernel_files, kernels_folder
 from irtscots_cl.opencl.structs import LAUNCH
 from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.scene.height_map import MirrorMap
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.options import ESTIMATORS
@@ -29,6 +32,7 @@ FAMILIES = {
     "mirror": ["nominal", "deviated"],
     "aperture": ["disk", "annulus"],
     "zernike": ["power", "clenshaw", "none"],
+    "map": ["none", "bicubic"],
     "arrival": ["plain", "compensated"],
     "accumulate": ["tile", "atomic", "none"],
     "sampler": list(SAMPLERS),
@@ -66,6 +70,10 @@ def write(path, text):
     return path
 
 
+def flat_map():
+    return MirrorMap(heights=HeightMap(np.zeros((2, 2)), pitch_mm=(200.0, 200.0)), outside="nearest")
+
+
 def scene_for(choices):
     """A scene whose packing makes these choices."""
     base = lopsided()
@@ -82,6 +90,7 @@ def scene_for(choices):
         off_axis_mm=240.0 if choices["surface"] == "off_axis" else 0.0,
         obscuration_mm=70.0 if choices["aperture"] == "annulus" else 0.0,
         zernike=zernike if choices["mirror"] == "deviated" else (),
+        map=(flat_map(),) if choices["map"] == "bicubic" else (),
     )
     return replace(base, mirror=mirror)
 
@@ -93,19 +102,20 @@ def scene_for(choices):
         for c in all_choices()
         if c["sampler"] == SAMPLERS[0] and c["accumulate"] == "tile"
         if c["zernike"] != "none"  # other tests build mirrors with departures of another kind
+        if c["map"] == "none" or (c["surface"], c["aperture"], c["mirror"]) == ("conic", "disk", "deviated")
         if c["mirror"] == "deviated" or (c["arrival"], c["zernike"]) == ("plain", "power")
     ],
     ids=lambda c: "-".join(c[family] for family in FAMILIES),
 )
 def test_every_combination_of_files_composes_and_builds(device, choices):
     packed = pack(ChiefRays(scene_for(choices)), "fp32")
-    chosen = ("surface", "mirror", "arrival", "aperture", *(["zernike"] if choices["mirror"] == "deviated" else []))
+    chosen = ("surface", "mirror", "arrival", "aperture", *(["zernike", "map"] if choices["mirror"] == "deviated" else []))
     assert packed.choices == {family: choices[family] for family in (*chosen, *PLAIN)}
     for estimator in (*ESTIMATORS, "lines"):
         width = device.vector_width("fp32")
         source = compose(f"trace_{estimator}.cl", choices, packed.structs, "fp32", width, packed.constants)
         for family, member in choices.items():
-            if family == "zernike" and choices["mirror"] == "nominal":
+            if family in ("zernike", "map") and choices["mirror"] == "nominal":
                 continue
             assert [f for f in source.files if f.startswith(f"{family}_")] == [f"{family}_{member}.cl"]
         assert [k.function_name for k in build(device, source).all_kernels()] == [f"trace_{estimator}"]
@@ -150,6 +160,7 @@ def test_no_kernel_file_is_dead():
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
     for *members, light in itertools.product(*PATH_FAMILIES.values(), LIGHT_FAMILIES["light"]):
         choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power", **PLAIN}
+        choices |= {"map": "bicubic"}
         choices |= dict.fromkeys(LIGHT_FAMILIES, light)
         first = [name for name in kernel_files() if name.startswith("interact_")]
         first += ["element_deviated.cl", *(name for name in kernel_files() if name.startswith("scatter_"))]
@@ -173,7 +184,7 @@ def test_families_here_are_those_of_the_folder():
         for star in re.findall(r'^#include "([a-z0-9_]+)_\*\.cl"', path.read_text(), re.M)
     }
     families = FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES | {"lens": LENSES}
-    assert stars == {*families, "simd", "real"}
+    assert stars == {*families, "simd", "gather", "real"}
     for family, members in families.items():
         assert {f"{family}_{member}.cl" for member in members} == {
             name for name in kernel_files() if re.fullmatch(rf"{family}_[a-z0-9_]+\.cl", name)
