@@ -25,7 +25,8 @@ class ZernikeRow:
 
     output_um: NaN for a term of the scene that the pixels cannot separate. expected_um: what the same fit over the same
     pixels gives for the true deviation, its mean removed as in a measured one. It differs from input_um in piston, and
-    where terms were left out of the fit. Annular terms have no input of their own: it is expected_um. inflation: of the
+    where terms were left out of the fit. Where the deviation is not the sum of terms of the kind that is fitted, input_um
+    is expected_um. inflation: of the
     standard error over that on a whole disk (maths.zernike.fit).
     """
 
@@ -115,6 +116,7 @@ def _zernike_rows(
         for index, value in terms.coefficients_um.items():
             noll = nm_to_noll(*index_to_nm(index, terms.ordering))
             given[noll] = given.get(noll, 0.0) + value
+    known = kind == "circular" and not scene.mirror.map
     indices = sorted(set(range(1, FITTED_NOLL + 1)) | set(given))
     found = coefficients(result, scene.mirror, kind, indices, noise_errors=False)
     # the measured deviation has a mean of 0 over the heights' mask by convention
@@ -123,10 +125,10 @@ def _zernike_rows(
     columns = zip(found.fit.nolls, found.um.tolist(), found.standard_error_um.tolist(), expected,
                   found.fit.inflation.tolist(), strict=True)  # fmt: skip
     rows = [
-        ZernikeRow(noll, given.get(noll, 0.0) if kind == "circular" else own, um, error, own, inflation)
+        ZernikeRow(noll, given.get(noll, 0.0) if known else own, um, error, own, inflation)
         for noll, um, error, own, inflation in columns
     ]
-    if kind == "circular":
+    if known:
         lost = [noll for noll in found.fit.dropped if given.get(noll)]
         rows += [ZernikeRow(noll, given[noll], math.nan, math.nan, math.nan, math.inf) for noll in lost]
     return tuple(rows), found

@@ -20,5 +20,7 @@ def trace_fingerprint(
     device_identity: {"device", "driver"}: their names.
     """
     facts = {"scene": hash_of(scene.to_toml().encode())} | asdict(options)
+    if scene.mirror.map:  # the scene's text has only their paths
+        facts["maps"] = " ".join(table.digest(k) for k, table in enumerate(scene.mirror.map))
     numbers = {"rays_per_pixel": int(rays.sum()), "replicates": len(rays)}
     return facts | numbers | {**device_identity, "version": package_version()}
