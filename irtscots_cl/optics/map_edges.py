@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from irtscots_cl.maths.arrays import FloatArray
 
 EDGE_SHARE = 0.01  # of the mirror's diameter: an edge that is extrapolated
-EDGE_NODES = 2.0  # and at least so many nodes
+EDGE_NODES = 3.0  # and at least so many nodes
 LATTICE = 401  # points across the mirror at which heights are looked for
 NEAR = 0.75  # of a cell's diagonal: a point nearer to a height than that has one
 RIM_NODES = 4  # added to the edge, so that the edge of the spline lies beside the mirror
@@ -99,7 +99,7 @@ def _missing(
     if not lacks.any():
         return "", False
     share, farthest = float(lacks[: on.sum()].mean()) * 100, float(far.max())
-    what = f"has no height on {share:.2g} % of the mirror, up to {farthest:.3g} mm from the nearest"
+    what = f"has no height on {share:.3g} % of the mirror, up to {farthest:.3g} mm from the nearest"
     if farthest > edge_mm:
         must = f'must come to within {edge_mm:.3g} mm, or outside must be "nearest" or "zero"'
         return f"{what}: {must}", True
