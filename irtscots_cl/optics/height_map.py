@@ -31,6 +31,7 @@ BESIDE = 1.02  # of the mirror's radius: how far out rays meet its departures
 MARGIN = 8  # nodes that are kept around it: the edge of a spline is felt to 1e-5 there
 MAX_NODES = 8192  # on the mirror, along each axis: more leave single precision too little of a cell
 BYTES_PER_NODE = 80  # of the arrays that exist at a time
+IDLE = ("the file tells no wavelength",)  # warnings of readers that do not matter to heights in mm
 ROWS = 256  # of nodes looked at together
 EXTREMES = 200  # nodes of each kind
 RIM_ANGLES = 64
@@ -148,6 +149,8 @@ def _departure(tables: tuple[MirrorMap, ...], stamps: tuple, radius_mm: float, h
     for number, table in enumerate(tables):
         read = table.read(number)
         for text in read.warnings:
+            if text in IDLE:
+                continue
             warnings.warn(f"{_named(table, number)}: {text}", MapWarning, stacklevel=2)
         maps.append(placed_map(table, read, number, radius_mm, hole_mm))
     return MapDeparture(tuple(maps), radius_mm)

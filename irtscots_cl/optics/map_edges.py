@@ -42,6 +42,10 @@ def complete(
     """
     pitch = 1 / np.linalg.norm(matrix, axis=1)  # along columns and rows
     edge_mm = max(2 * radius_mm * EDGE_SHARE, EDGE_NODES * float(pitch.max()))
+    if outside == "refuse":  # a map that is far too small is not first given an edge
+        text, refused = _missing(np.zeros(heights.shape), pitch, matrix, offset, edge_mm, radius_mm, hole_mm)
+        if refused:
+            return Completed(heights, np.zeros(2, int), text, True)
     most = {"refuse": np.ceil(edge_mm / pitch) + RIM_NODES, "nearest": np.zeros(2), "zero": np.full(2, CLIFF_NODES)}
     pads = [(min(before, int(n)), min(after, int(n))) for (before, after), n in zip(outer, most[outside], strict=True)]
     columns, rows = pads
