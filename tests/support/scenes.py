@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+from height_maps import mapped
 from lopsided import lopsided
 from real_setup import REAL
 
@@ -22,7 +23,8 @@ def scene_of(name: str) -> Scene:
     """A preset, an example with a mirror that is not concave, the lop-sided scene in which no two lengths are equal, or
     one of REAL with what real set-ups have.
 
-    "lopsided-convex": its mirror bent the other way, before a larger screen. "sideways": devices that look along Y.
+    "lopsided-convex": its mirror bent the other way, before a larger screen. "sideways": devices that look along Y. "mapped": a
+    height map on the preset `sphere`.
     """
     if name in REAL:
         return REAL[name]()
@@ -30,6 +32,8 @@ def scene_of(name: str) -> Scene:
         return load_scene(str(EXAMPLES / f"{name}.toml"))
     if name == "lopsided-convex":
         return with_part(with_part(lopsided(), "mirror", radius_mm=-1500.0), "screen", pitch_mm=20.0, pixels=(69, 51))
+    if name == "mapped":
+        return mapped()
     if name == "sideways":
         return sideways()
     return lopsided() if name == "lopsided" else load_scene(name)
