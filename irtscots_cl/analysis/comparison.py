@@ -25,9 +25,8 @@ class ZernikeRow:
 
     output_um: NaN for a term of the scene that the pixels cannot separate. expected_um: what the same fit over the same
     pixels gives for the true deviation, its mean removed as in a measured one. It differs from input_um in piston, and
-    where terms were left out of the fit. Where the deviation is not the sum of terms of the kind that is fitted, input_um
-    is expected_um. inflation: of the
-    standard error over that on a whole disk (maths.zernike.fit).
+    where terms were left out of the fit. Where the deviation is not the sum of terms of the kind that is fitted,
+    input_um is expected_um. inflation: of the standard error over that on a whole disk (maths.zernike.fit).
     """
 
     noll: int

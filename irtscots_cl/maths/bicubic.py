@@ -1,4 +1,4 @@
-"""A cubic B-spline through heights on an even grid: value, slopes and second derivatives in float64, without differences.
+"""A cubic B-spline through heights on an even grid: value, slopes and second derivatives in float64.
 
 The spline goes through every height; its second derivatives are continuous. It is mirrored at the grid's edge, so that
 its slope across the edge is 0 there: beyond the edge it goes on at the edge's height without a kink.
@@ -93,7 +93,7 @@ class BicubicSpline:
 
 
 def _cell(place: FloatArray, count: int) -> tuple[np.ndarray, FloatArray, np.ndarray]:
-    """First coefficient of the cell, place in it from 0 to 1, and whether it is in the grid; the nearest one's if not."""
+    """First coefficient of the cell, place in it from 0 to 1, and whether it is in the grid; if not, the nearest's."""
     inside = np.fmin(np.fmax(place, 0.0), count - 1.0)  # of NaN: 0
     cell = np.minimum(inside.astype(np.intp), count - 2)
     return cell, inside - cell, inside == place

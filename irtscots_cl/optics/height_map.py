@@ -96,11 +96,13 @@ def extreme_nodes(placed: PlacedMap, radius_mm: float) -> tuple[FloatArray, Floa
 
 
 def _scores(spline: BicubicSpline, slopes_of: Slopes) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Each [rows, columns] of a spline's nodes: slope squared, height, and height times bend: what Newton steps feel."""
+    """Each [rows, columns] of a spline's nodes: slope squared, height, height times bend: what Newton steps feel."""
     height, by_column, by_row = spline.nodes()
     slope_x, slope_y = slopes_of(by_column, by_row)
     c = spline.coefficients
-    bend = np.abs(c[1:-1, 2:] - 2 * c[1:-1, 1:-1] + c[1:-1, :-2]) + np.abs(c[2:, 1:-1] - 2 * c[1:-1, 1:-1] + c[:-2, 1:-1])
+    bend = np.abs(c[1:-1, 2:] - 2 * c[1:-1, 1:-1] + c[1:-1, :-2]) + np.abs(
+        c[2:, 1:-1] - 2 * c[1:-1, 1:-1] + c[:-2, 1:-1]
+    )
     size = np.abs(height)
     return slope_x**2 + slope_y**2, size, size * bend
 

@@ -69,9 +69,10 @@ class MirrorMap:
     file: of any format that formats.maps.open_map reads; or heights: a formats.height_map.HeightMap, for scenes made in
     Python. The map is read in the mirror's x and y (x to the right, y up, seen from +Z), then turned over (flip),
     enlarged (scale), turned by rotation_deg anticlockwise, and moved, so that its middle is at centre_mm; without
-    centre_mm, the middle that the map itself tells takes part in flip, scale and rotation. factor: on the heights. unit,
-    pitch_mm, wavelength_nm, holds: what the file does not say (formats.height_map.MapOptions). outside: what is there
-    where the map has no height: "refuse" more than an edge that can be extrapolated, "nearest" valid height, or "zero".
+    centre_mm, the middle that the map itself tells takes part in flip, scale and rotation. factor: on the heights.
+    unit, pitch_mm, wavelength_nm, holds: what the file does not say (formats.height_map.MapOptions). outside: what is
+    there where the map has no height: "refuse" more than an edge that can be extrapolated, "nearest" valid height, or
+    "zero".
 
     Raises SceneError for a value that is not allowed.
     """
@@ -89,7 +90,8 @@ class MirrorMap:
         "refuse"
     )
     unit: Annotated[
-        Literal["m", "cm", "in", "mm", "um", "nm", "wave"] | None, Field(description="one of m, cm, in, mm, um, nm, wave")
+        Literal["m", "cm", "in", "mm", "um", "nm", "wave"] | None,
+        Field(description="one of m, cm, in, mm, um, nm, wave"),
     ] = None
     pitch_mm: Annotated[PitchMm | None, Field(description=_PITCH_TEXT)] = None
     wavelength_nm: Annotated[
@@ -121,7 +123,7 @@ class MirrorMap:
         return None if found is None else (found.st_mtime_ns, found.st_size)
 
     def digest(self, number: int) -> str:
-        """Of the map's content, which a path does not tell. number: of the table. Raises SceneError for no such file."""
+        """Of the map's content, which a path does not tell. number: of the table. Raises SceneError for no file."""
         if self.file is None:
             return str(self.heights.digest())
         found = hashlib.blake2b(digest_size=16)

@@ -29,7 +29,9 @@ def test_heights_slopes_and_bends_are_those_of_another_spline(heights):
     found = [*spline.at(column, row), *spline.bend(column, row)]
     orders = [(0, 0), (0, 1), (1, 0), (0, 2), (1, 1), (2, 0)]
     expected = [other.ev(row, column, *order) for order in orders]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8)  # 0.27^18 = 6e-11 of heights of 3, and twenty times that for bends
+    np.testing.assert_allclose(
+        found, expected, rtol=0, atol=1e-8
+    )  # 0.27^18 = 6e-11 of heights of 3, and twenty times that for bends
 
 
 def test_it_goes_through_its_nodes_and_knows_their_slopes(heights):

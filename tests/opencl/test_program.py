@@ -109,7 +109,13 @@ def scene_for(choices):
 )
 def test_every_combination_of_files_composes_and_builds(device, choices):
     packed = pack(ChiefRays(scene_for(choices)), "fp32")
-    chosen = ("surface", "mirror", "arrival", "aperture", *(["zernike", "map"] if choices["mirror"] == "deviated" else []))
+    chosen = (
+        "surface",
+        "mirror",
+        "arrival",
+        "aperture",
+        *(["zernike", "map"] if choices["mirror"] == "deviated" else []),
+    )
     assert packed.choices == {family: choices[family] for family in (*chosen, *PLAIN)}
     for estimator in (*ESTIMATORS, "lines"):
         width = device.vector_width("fp32")

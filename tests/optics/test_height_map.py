@@ -128,13 +128,15 @@ def test_a_small_edge_is_extrapolated_with_its_slope_and_said():
     x, y = points(radius=50.0)
     with pytest.warns(MapWarning, match=r"mirror\.map\[0\]: has no height on .* %.*: extrapolated there"):
         departure = departure_of(MirrorMap(heights=round_map(48.4)))
-    height, slope_x, slope_y = departure.at(x, y)
+    height, slope_x, _ = departure.at(x, y)
     np.testing.assert_allclose(height, 1e-6 * (2 + 0.1 * x + 0.05 * y), rtol=0, atol=1e-8)  # mm: a tenth of its slope
     np.testing.assert_allclose(slope_x, 1e-7, rtol=0, atol=4e-8)
 
 
 def test_a_wide_edge_or_a_hole_is_refused_and_says_what_helps():
-    said = r'^mirror\.map\[0\]: has no height on 15.6 % of the mirror, up to .* mm from the nearest: must come to within '
+    said = (
+        r"^mirror\.map\[0\]: has no height on 15.6 % of the mirror, up to .* mm from the nearest: must come to within "
+    )
     said += r'3 mm, or outside must be "nearest" or "zero"$'
     with pytest.raises(SceneError, match=said):
         departure_of(MirrorMap(heights=round_map(45.0)))
@@ -167,7 +169,7 @@ def test_outside_as_told(outside, beyond):
     "change, said",
     [
         ({"centre_mm": (500.0, 0.0)}, "lies beside the mirror, its middle at 500, 0 mm"),
-        ({"scale": 1e-3}, 'must come to within 1 mm, or outside must be'),
+        ({"scale": 1e-3}, "must come to within 1 mm, or outside must be"),
         ({"factor": 0.0}, "factor = 0.0: must be"),
     ],
 )
@@ -221,18 +223,24 @@ def on_device(device, folder, precision, scene, x, y, width=None):
     return given.astype(float).T, out.astype(float).T
 
 
+def other_spline(height_map):
+    """SciPy's spline of a map in its own frame: ev(y, x)."""
+    sizes = zip(height_map.heights_mm.shape, height_map.pitch_mm[::-1], strict=True)
+    at = [(np.arange(count) - (count - 1) / 2) * pitch for count, pitch in sizes]
+    return RectBivariateSpline(*at, height_map.heights_mm, kx=3, ky=3, s=0)
+
+
 @pytest.mark.parametrize("width", [None, 1], ids=["own", "scalar"])
 def test_the_device_agrees_with_another_spline(device, tmp_path, precision, width):
     """Two maps of 1 um rms, one turned by 90 degrees and turned over, of which SciPy's splines know the places."""
     first, second = random_map(5, size=1e-3), random_map(6, pitch=(0.95, 0.9), size=1e-3)
     tables = (MirrorMap(heights=first), MirrorMap(heights=second, flip="x", rotation_deg=90.0, factor=0.5))
-    scene = with_part(lopsided(), "mirror", off_axis_mm=0.0, obscuration_mm=0.0, zernike=(), diameter_mm=80.0, map=tables)
+    scene = with_part(
+        lopsided(), "mirror", off_axis_mm=0.0, obscuration_mm=0.0, zernike=(), diameter_mm=80.0, map=tables
+    )
     x, y = points(4096, radius=35.0)
     (x, y), found = on_device(device, tmp_path, precision, scene, x, y, width)
-    one, two = (
-        RectBivariateSpline(*((np.arange(n) - (n - 1) / 2) * p for n, p in zip(m.heights_mm.shape, m.pitch_mm[::-1])),
-                            m.heights_mm, kx=3, ky=3, s=0) for m in (first, second)
-    )  # fmt: skip
+    one, two = (other_spline(height_map) for height_map in (first, second))
     expected = np.stack([one.ev(y, x), one.ev(y, x, 0, 1), one.ev(y, x, 1, 0)])
     expected += 0.5 * np.stack([two.ev(-x, -y), -two.ev(-x, -y, 1, 0), -two.ev(-x, -y, 0, 1)])
     # fp32: a place of 75 cells is rounded by 4e-6 of one, times slopes of 4 um per cell; fp64: of SciPy's ends

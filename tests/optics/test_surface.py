@@ -160,7 +160,9 @@ def test_device_meets_the_same_points_with_the_same_slopes(device, tmp_path, pre
     height = surface.sag(x, y)
     lines = np.stack([x - slopes[0] * height, y - slopes[1] * height, *slopes], -1).astype(kernel.real)
     out, marks = kernel.run(
-        (count // kernel.width, 1), [kernel.tables, lines], [np.zeros((count, 6), kernel.real), np.zeros(count, np.int32)]
+        (count // kernel.width, 1),
+        [kernel.tables, lines],
+        [np.zeros((count, 6), kernel.real), np.zeros(count, np.int32)],
     )
     x0, y0, p, q = lines.astype(float).T
     start = np.stack([x0 + 3000 * p, y0 + 3000 * q, np.full(count, 3000.0)], -1)

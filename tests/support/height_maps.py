@@ -30,7 +30,9 @@ def letter(nodes: int = 71, pitch_mm: float = 16.0, height_mm: float = 1e-4) -> 
     return HeightMap(height_mm * drawn, pitch_mm=(pitch_mm, pitch_mm))
 
 
-def polishing_marks(diameter_mm: float, cut_mm: float, rms_nm: float = 1.0, seed: int = 7, nodes: int = 256) -> HeightMap:
+def polishing_marks(
+    diameter_mm: float, cut_mm: float, rms_nm: float = 1.0, seed: int = 7, nodes: int = 256
+) -> HeightMap:
     """Random heights around a mirror, whose power falls as 1/f^2 down to periods of cut_mm, where it ends."""
     pitch = diameter_mm / (nodes - 8)
     frequency = np.hypot(np.fft.fftfreq(nodes, pitch)[:, None], np.fft.rfftfreq(nodes, pitch))

@@ -23,8 +23,8 @@ def scene_of(name: str) -> Scene:
     """A preset, an example with a mirror that is not concave, the lop-sided scene in which no two lengths are equal, or
     one of REAL with what real set-ups have.
 
-    "lopsided-convex": its mirror bent the other way, before a larger screen. "sideways": devices that look along Y. "mapped": a
-    height map on the preset `sphere`.
+    "lopsided-convex": its mirror bent the other way, before a larger screen. "sideways": devices that look along Y.
+    "mapped": a height map on the preset `sphere`.
     """
     if name in REAL:
         return REAL[name]()

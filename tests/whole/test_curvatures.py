@@ -1,4 +1,5 @@
-"""The whole chain for mirrors that are not concave, or have a map: estimators agree, a deviation is recovered, and what is refused."""
+"""The whole chain for mirrors that are not concave, or have a map: estimators agree, a deviation is recovered, and what
+is refused."""
 
 from __future__ import annotations
 

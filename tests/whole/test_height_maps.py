@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 
 import numpy as np
@@ -55,7 +56,7 @@ def power(result, heights, diameter_mm):
     spectrum = np.abs(np.fft.fft2(grid)) ** 2
     frequency = np.hypot(*np.meshgrid(*(np.fft.fftfreq(n, step) for n in grid.shape[::-1])))
     edges = np.array([8.0, 4.0, 2.0, 1.0]) * CUT_MM
-    return [spectrum[(frequency >= 1 / a) & (frequency < 1 / b)].sum() for a, b in zip(edges, edges[1:], strict=False)]
+    return [spectrum[(frequency >= 1 / a) & (frequency < 1 / b)].sum() for a, b in itertools.pairwise(edges)]
 
 
 TABLES = {  # file, keys of the table, what the file holds beside the letter

@@ -17,11 +17,13 @@ from real_setup import real_setup
 from tracers import setup_of, totals, tracer_of
 
 from irtscots_cl.execution.launch_plan import RayBlock
+from irtscots_cl.formats.height_map import HeightMap
 from irtscots_cl.opencl import program, selftest
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose, kernel_files
 from irtscots_cl.scene.element import Element
+from irtscots_cl.scene.height_map import MirrorMap
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
@@ -97,13 +99,21 @@ def small_setup(terms: int) -> Scene:
     )
 
 
-# Every file of the families surface, aperture, mirror, arrival, zernike, frame, camera, lens, screen and glass
+def maps() -> tuple[MirrorMap, ...]:
+    """One that most rays miss, and one of few nodes that all meet, turned."""
+    heights = np.array([[1.0, 2.0, 4.0], [0.0, 3.0, 5.0]]) * 1e-6
+    small = MirrorMap(heights=HeightMap(heights, pitch_mm=(9.0, 7.0)), outside="nearest")
+    return small, dataclasses.replace(small, scale=100.0, rotation_deg=20.0)
+
+
+# Every file of the families surface, aperture, mirror, arrival, zernike, map, frame, camera, lens, screen and glass
 MIRRORS = {
     "nominal": small("sphere"),
     "slight": small("sphere", zernike=(ZernikeTerms(radius_mm=540.0, ordering="noll", coefficients_um={4: 1e-5}),)),
     "power": small("sphere-deviated", 2, 4.0),
     "clenshaw, hole": small("sphere", conic=-0.5, obscuration_mm=300.0, zernike=terms(*range(4, 200, 13))),
     "off-axis": small("off-axis"),
+    "maps": small("sphere", map=maps()),
     "flat": small("sphere", radius_mm=math.inf),
     "real, k1 to k3": small_setup(5),
     "real, k1 to k6": small_setup(8),

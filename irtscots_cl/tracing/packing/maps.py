@@ -22,7 +22,9 @@ def pack_maps(departure: MapDeparture, real, first: int):
     for entry, placed in zip(out["grid"], departure.maps, strict=True):
         coefficients = placed.spline.coefficients
         if first + coefficients.size > MAX_NUMBERS:
-            raise ValueError(f"mirror.map: {first + coefficients.size} numbers of all maps: must be at most {MAX_NUMBERS}")
+            raise ValueError(
+                f"mirror.map: {first + coefficients.size} numbers of all maps: must be at most {MAX_NUMBERS}"
+            )
         rows, columns = coefficients.shape
         (column_x, column_y), (row_x, row_y) = placed.matrix
         for name, value in {
