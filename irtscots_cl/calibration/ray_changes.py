@@ -118,7 +118,7 @@ def _end_rows(screen: ScreenModel, u: FloatArray, v: FloatArray, outgoing: Float
 
 
 def _bend(surface: Surface, points: FloatArray) -> FloatArray:
-    """Second derivatives [n, 2, 2] of the surface's height at points [n, 3]; of departures other than maps, by differences."""
+    """Second derivatives [n, 2, 2] of the surface's height at points [n, 3]; of all but maps, by differences."""
     (x, y, z), q = points.T, surface.quadric
     height = z if not surface.departures else q.meet(x, y, 0.0, 0.0)
     slope_x, slope_y = q.gradient(x, y, height)

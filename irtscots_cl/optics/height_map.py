@@ -22,8 +22,7 @@ from irtscots_cl.scene.validation import problem
 from irtscots_cl.system.memory import check_memory
 
 if TYPE_CHECKING:
-    from irtscots_cl.formats.height_map import HeightMap
-    from irtscots_cl.scene.height_map import MirrorMap
+    from irtscots_cl.scene.height_map import HeightMap, MirrorMap
     from irtscots_cl.scene.mirror import Mirror
 
 Slopes = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, Strict, model_validator
 from irtscots_cl.scene.validation import Degrees, OffsetMm, PitchMm, bounded, checked, problem, refuse
 
 if TYPE_CHECKING:
-    from irtscots_cl.formats.height_map import HeightMap
+    from irtscots_cl.formats.height_map import HeightMap as HeightMap
 
 PIECE_BYTES = 2**20
 # What the readers say of the command line's options, by the keys of a table that say the same.
