@@ -41,9 +41,11 @@ _PUBLIC = {
     "FringeScan": "imaging.fringes",
     "FringeSet": "imaging.fringes",
     "FringeStack": "imaging.fringes",
+    "HeightMap": "formats.height_map",
     "Interrupted": "execution.checkpoint",
     "LineLight": "tracing.results.transport",
     "LineScan": "imaging.patterns",
+    "MirrorMap": "scene.height_map",
     "Scene": "scene.model",
     "SceneError": "scene.validation",
     "Transport": "tracing.results.transport",
@@ -84,6 +86,7 @@ if TYPE_CHECKING:
     from irtscots_cl.calibration.identification import identify as identify
     from irtscots_cl.execution.checkpoint import Checkpoints as Checkpoints
     from irtscots_cl.execution.checkpoint import Interrupted as Interrupted
+    from irtscots_cl.formats.height_map import HeightMap as HeightMap
     from irtscots_cl.imaging.fringes import FringeScan as FringeScan
     from irtscots_cl.imaging.fringes import FringeSet as FringeSet
     from irtscots_cl.imaging.fringes import FringeStack as FringeStack
@@ -104,6 +107,7 @@ if TYPE_CHECKING:
     from irtscots_cl.opencl.device import all_devices as all_devices
     from irtscots_cl.opencl.device import select_device as select_device
     from irtscots_cl.opencl.device import select_devices as select_devices
+    from irtscots_cl.scene.height_map import MirrorMap as MirrorMap
     from irtscots_cl.scene.model import Scene as Scene
     from irtscots_cl.scene.presets import load_scene as load_scene
     from irtscots_cl.scene.validation import SceneError as SceneError

@@ -22,6 +22,7 @@ from irtscots_cl.scene.calibration_known import Calibration, Knowledge
 from irtscots_cl.scene.camera_intrinsics import Intrinsics, check_intrinsics
 from irtscots_cl.scene.detector_noise import DetectorNoise
 from irtscots_cl.scene.element import ALLOWS, KINDS, NEEDS, Element
+from irtscots_cl.scene.height_map import MirrorMap
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import ZERNIKE_KEYS, Scene
@@ -50,6 +51,7 @@ MEANINGS = (
         "obscuration_mm": "diameter of a central hole",
         "reflectance": "reflected part of the light",
         "zernike": "deviation along z; several tables add up",
+        "map": "measured maps of the deviation along z; several tables add up: [height-maps.md](height-maps.md)",
         "scatter": "light that the mirror scatters, for the non-sequential estimator",
         "polynomial": "polynomials in x and y that are added to the conic along z",
         "asphere": "aspheric terms of the design, above the conic",
@@ -117,6 +119,22 @@ MEANINGS = (
         "only with `basis = \"monomial\"`, in place of `coefficients_um` and `half_size_mm`",
         "part": "`deviation`: what a test has to find; `design`: of the surface as designed, which the measurement "
         "knows",
+    }),
+    ("[[mirror.map]]", MirrorMap, "A measured map of the mirror's deviation, in its own file. It is read with x to the "
+     "right and y up, seen from +Z; then flipped, scaled, turned, and moved. [height-maps.md](height-maps.md) has "
+     "examples.", {
+        "file": "path, relative to the scene file, of any map that [formats.md](formats.md) names",
+        "centre_mm": "where the map's middle lies; default: where the file says, or else the mirror's centre",
+        "rotation_deg": "anticlockwise, seen from +Z",
+        "flip": "turned over before it is turned: x left and right, y top and bottom, xy both",
+        "scale": "lateral: of the map's pitch",
+        "factor": "of the heights: -1 turns them over",
+        "outside": "where the map has no height: refuse more than a small edge, which is extrapolated; the nearest "
+                   "height; or zero",
+        "unit": "of the heights, where the file does not say it",
+        "pitch_mm": "between pixels, in the place of the file's: one number, or along x and y",
+        "wavelength_nm": "of the measurement, where heights are in waves and the file does not say it",
+        "holds": "what the file does not say: heights of the surface, or of the wavefront, twice as large",
     }),
     ("[screen]", Screen, "A Lambertian screen, plane without the table [screen.shape].", {
         "position_mm": "centre of the screen",
@@ -283,7 +301,7 @@ CHECKS = {  # that the table above calls, with its own numbers
     Outline: check_shape,
     OutlinePart: check_polygon,
 }
-HIDDEN = {ZernikeTerms: {"ordering"}}  # in a file the key of the coefficients states it
+HIDDEN = {ZernikeTerms: {"ordering"}, MirrorMap: {"heights"}}  # in a file the key of the coefficients states it
 UNITS = {
     "mm": "mm",
     "um": "µm",

@@ -13,12 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.execution.device_tracer import MIN_TIMED_RAYS, DeviceTracer
+from irtscots_cl.formats.height_map import HeightMap
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.asphere import Asphere
 from irtscots_cl.scene.camera_intrinsics import Intrinsics
+from irtscots_cl.scene.height_map import MirrorMap
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.outline import Outline, OutlinePart, Spider
@@ -38,6 +40,8 @@ FEATURES = {estimator: f"one feature alone, {estimator}" for estimator in ESTIMA
 PATH_SCENES = ("sphere", "sphere-deviated", "sphere-singlet", "sphere-window", "ghosts")
 FMA_CHAINS = 12  # CHAINS of kernels/entry/multiply_add.cl
 FMA_STEPS = 20_000
+MAP_NODES = 1000
+MAP_NAME = f"conic, height map {MAP_NODES} x {MAP_NODES}"
 
 
 @dataclass(frozen=True)
@@ -80,12 +84,14 @@ def default_cases(device: Device, quick: bool) -> list[Case]:
     cases += [Case("smoothed rays, adjoint", f"{scene.name}, {sampler}", scene, "adjoint", sampler, smoothing=True)
               for scene in scenes for sampler in (("sobol",) if quick else SAMPLERS)]  # fmt: skip
     devices = _devices(sphere)
-    cases += [Case(FEATURES["forward"], name, scene) for name, scene in (_features(sphere) | devices).items()]
+    features = _features(sphere)
+    maps = {name: features[name] for name in ("conic", MAP_NAME)}
+    cases += [Case(FEATURES["forward"], name, scene) for name, scene in (features | devices).items()]
     if device.has_fp64:
         cases.append(Case(FEATURES["forward"], "double precision", sphere, precision="fp64"))
     cases.append(Case(FEATURES["forward"], "sums by atomics", sphere, accumulate="atomic"))
     cases += [Case(FEATURES["adjoint"], name, scene, "adjoint")
-              for name, scene in ({"plain sphere": sphere} | devices).items()]  # fmt: skip
+              for name, scene in ({"plain sphere": sphere} | maps | devices).items()]  # fmt: skip
     cases += [Case("any order of elements, forward", name, load_scene(name), NONSEQUENTIAL)
               for name in (("sphere",) if quick else PATH_SCENES)]  # fmt: skip
     if device.kind == "cpu":  # on other devices, work-items are the lanes
@@ -141,7 +147,15 @@ def _features(sphere: Scene) -> dict[str, Scene]:
         "conic, 45 Zernike terms": with_mirror(conic=-0.7154, zernike=zernike(range(1, 46))),
         "45 annular Zernike terms": with_mirror(obscuration_mm=rim_mm / 2, zernike=zernike(range(1, 46), 0.25)),
         "8 x 8 Chebyshev terms": with_mirror(polynomial=chebyshev(8)),
+        MAP_NAME: with_mirror(conic=-0.7154, map=(_map(sphere.mirror.diameter_mm),)),
     }
+
+
+def _map(diameter_mm: float) -> MirrorMap:
+    """Random heights of 1 nm at MAP_NODES x MAP_NODES points of a mirror and a little around it."""
+    heights = np.random.default_rng(1).normal(scale=1e-6, size=(MAP_NODES, MAP_NODES))
+    pitch = 1.01 * diameter_mm / MAP_NODES
+    return MirrorMap(heights=HeightMap(heights, pitch_mm=(pitch, pitch)))
 
 
 def _parts(diameter_mm: float) -> Outline:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.optics.height_map import MapDeparture
 from irtscots_cl.optics.screen_model import ScreenModel
 from irtscots_cl.optics.surface import Surface
 
@@ -117,7 +118,7 @@ def _end_rows(screen: ScreenModel, u: FloatArray, v: FloatArray, outgoing: Float
 
 
 def _bend(surface: Surface, points: FloatArray) -> FloatArray:
-    """Second derivatives [n, 2, 2] of the surface's height at points [n, 3]; of the departures, by differences."""
+    """Second derivatives [n, 2, 2] of the surface's height at points [n, 3]; of all but maps, by differences."""
     (x, y, z), q = points.T, surface.quadric
     height = z if not surface.departures else q.meet(x, y, 0.0, 0.0)
     slope_x, slope_y = q.gradient(x, y, height)
@@ -126,11 +127,17 @@ def _bend(surface: Surface, points: FloatArray) -> FloatArray:
     xy = (q.q_xz + q.q_zz * slope_x) * slope_y / down
     yy = (q.q_yy + q.q_zz * slope_y**2) / down
     bend = np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -1)
-    if surface.departures:
-        step = DEPARTURE_STEP * surface.departure_radius_mm
+    maps = [departure for departure in surface.departures if isinstance(departure, MapDeparture)]
+    for departure in maps:  # their scale is their own: no step would suit every one
+        xx, xy, yy = departure.bend(x, y)
+        bend += np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -1)
+    others = tuple(departure for departure in surface.departures if departure not in maps)
+    smooth = Surface(q, surface.aperture_radius_mm, deviation=others)
+    if smooth.departures:
+        step = DEPARTURE_STEP * smooth.departure_radius_mm
         for k, (a, b) in enumerate(((step, 0.0), (0.0, step))):
             for where, weight in ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12)):
-                bend[..., k] += weight / step * np.stack(surface.departure_at(x + where * a, y + where * b)[1:], -1)
+                bend[..., k] += weight / step * np.stack(smooth.departure_at(x + where * a, y + where * b)[1:], -1)
     return bend
 
 

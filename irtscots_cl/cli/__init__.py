@@ -62,6 +62,7 @@ def _run(options: argparse.Namespace) -> int:
             # drivers print comments on kernels that they did build, which do not help a user
             warnings.showwarning = _show_warning
             warnings.filterwarnings("always", "precision fp32: ")
+            warnings.filterwarnings("always", r"mirror\.map\[")
             warnings.filterwarnings("ignore", "Non-empty compiler output|.*non-empty logs")
             code = options.command(options)
             sys.stdout.flush()
@@ -88,7 +89,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _show_warning(message, category, filename, lineno, file=None, line=None) -> None:
     """A warning of the package on one line, as the commands' own; those of other packages as Python shows them."""
-    if category.__name__ == "RoundingWarning":  # compared by name: its class needs slow imports
+    if category.__name__ in ("RoundingWarning", "MapWarning"):  # compared by name: its class needs slow imports
         warn(message)
     else:
         print(warnings.formatwarning(message, category, filename, lineno, line), end="", file=file or sys.stderr)

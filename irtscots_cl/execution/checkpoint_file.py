@@ -16,7 +16,7 @@ Fingerprint = dict[str, str | int | float | bool]
 FORMAT = b"irtscots-cl checkpoint 1 "
 MAX_HEADER_BYTES = 2**14
 DIGEST_BYTES = 32
-HASHED = ("scene", "code", "inputs", "paths")  # facts whose values are too long for a message
+HASHED = ("scene", "code", "inputs", "paths", "maps")  # facts whose values are too long for a message
 
 
 def digest_of(facts: Fingerprint) -> str:

@@ -221,6 +221,14 @@ def outline_grid_dtype(real) -> dict[str, np.dtype]:
     return {"Outline": np.dtype([*((name, real) for name in names), *counts], align=True)}
 
 
+def map_grid_dtype(real) -> np.dtype:
+    """A height map: the place (column, row) of (x, y) [mm] on its grid is linear in them; the grid's nodes; and where
+    its coefficients are in the tables: from offset on, stride from row to row."""
+    reals = ("column_x", "column_y", "column", "row_x", "row_y", "row")
+    counts = ("columns", "rows", "stride", "offset")
+    return np.dtype([(name, real) for name in reals] + [(name, np.int32) for name in counts], align=True)
+
+
 def scene_dtype(real, mirror: np.dtype, parts: dict[str, np.dtype], glass: bool = False) -> np.dtype:
     """The values of the scene that are the same for all rays.
 

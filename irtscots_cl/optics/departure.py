@@ -69,7 +69,7 @@ def design_departures(mirror: Mirror) -> tuple[Departure, ...]:
 
 def deviations(mirror: Mirror) -> tuple[Departure, ...]:
     """How a scene's mirror as made deviates from its design."""
-    return _zernike(mirror) + _polynomials(mirror, "deviation")
+    return (*_zernike(mirror), *_polynomials(mirror, "deviation"), *_maps(mirror))
 
 
 def _polynomials(mirror: Mirror, part: str) -> tuple[Departure, ...]:
@@ -79,6 +79,15 @@ def _polynomials(mirror: Mirror, part: str) -> tuple[Departure, ...]:
     from irtscots_cl.optics.polynomial import polynomials  # imported late: few scenes have any
 
     return polynomials(mirror, part)
+
+
+def _maps(mirror: Mirror) -> tuple[Departure, ...]:
+    """The sum of the mirror's height maps, if it has any."""
+    if not mirror.map:
+        return ()
+    from irtscots_cl.optics.height_map import map_departure  # imported late: few mirrors have a map
+
+    return (map_departure(mirror),)
 
 
 def _zernike(mirror: Mirror) -> tuple[Departure, ...]:

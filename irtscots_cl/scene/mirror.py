@@ -1,4 +1,4 @@
-"""The mirror of a scene: a conic with Zernike deviations."""
+"""The mirror of a scene: a conic with deviations, Zernike terms and measured maps."""
 
 from __future__ import annotations
 
@@ -94,6 +94,7 @@ class Mirror:
     obscuration_mm: NonNegativeMm = 0.0
     reflectance: Fraction = 1.0
     zernike: Annotated[tuple[ZernikeTerms, ...], Field(description="tables [[mirror.zernike]]")] = ()
+    map: Annotated[tuple[Any, ...], Field(description="tables [[mirror.map]]")] = ()
     scatter: Annotated[Any, Field(description="a table [mirror.scatter]")] = None
     polynomial: Annotated[tuple[Any, ...], Field(description="tables [[mirror.polynomial]]")] = ()
     asphere: Annotated[Any, Field(description="a table [mirror.asphere]")] = None
@@ -124,6 +125,9 @@ class Mirror:
             if not hasattr(self.asphere, "check_on"):
                 refuse(("asphere",), self.asphere, "be an Asphere of irtscots_cl.scene.asphere")
             self.asphere.check_on(self)
+        for k, entry in enumerate(self.map):
+            if not hasattr(entry, "outside"):
+                refuse(("map", k), entry, "be a MirrorMap of irtscots_cl.scene.height_map")
         for k, terms in enumerate(self.zernike):
             if terms.radius_mm < self.diameter_mm / 2:
                 must = f"be at least half of diameter_mm ({self.diameter_mm / 2!r}), to cover the mirror"
@@ -141,7 +145,7 @@ class Mirror:
     def nominal(self) -> Mirror:
         """The mirror as designed, without its deviations."""
         design = tuple(table for table in self.polynomial if table.part == "design")
-        return dataclasses.replace(self, zernike=(), polynomial=design)
+        return dataclasses.replace(self, zernike=(), polynomial=design, map=())
 
     def parent_sag_mm(self, r_mm: float) -> float:
         """Height in mm of the parent above its vertex's plane, at r_mm from its axis; below 0 if it is convex."""

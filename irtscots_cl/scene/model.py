@@ -27,7 +27,7 @@ from irtscots_cl.scene.validation import SceneName, checked, nearest, problem, r
 VIEW_RINGS, VIEW_ANGLES = 4, 32  # of the mirror, where it is looked for in a device's view
 MAX_ELEMENTS = 16  # besides the scene's own: all events of an element fit six bits of a path
 OPTIONAL_TABLES = {  # keys of tables that few scenes have, by the path of the table that holds them
-    ("mirror",): ("asphere", "outline", "polynomial"),
+    ("mirror",): ("asphere", "map", "outline", "polynomial"),
     ("screen",): ("response", "shape", "cover_glass", "lines"),
     ("camera",): ("intrinsics",),
     ("camera", "detector"): ("noise",),

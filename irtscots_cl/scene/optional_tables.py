@@ -26,6 +26,7 @@ KINDS = {  # path of keys -> (module of irtscots_cl.scene, its checked dataclass
 }
 LISTS: dict[tuple[str, ...], tuple[str, str]] = {  # the same for arrays of tables
     ("mirror", "polynomial"): ("polynomial", "Polynomial"),
+    ("mirror", "map"): ("height_map", "MirrorMap"),
 }
 FILES = ("quantum_efficiency_map", "brightness_map", "file")  # keys whose value is a path
 _adapter = functools.cache(TypeAdapter)
@@ -107,6 +108,8 @@ def _checked(kind: Any, table: object, source: str, steps: tuple[Any, ...]) -> A
         raise translate(error, kind, source, steps) from None
     for key in FILES:
         if getattr(found, key, None) is not None:  # frozen: made anew, with the path as seen from where we are
-            table = {**table, key: os.path.join(os.path.dirname(source), getattr(found, key))}
+            path = os.path.join(os.path.dirname(source), getattr(found, key))
+            # a map is read when it is needed, perhaps elsewhere: by a worker, or when a run is resumed
+            table = {**table, key: os.path.abspath(path) if key == "file" else path}
             found = _adapter(kind).validate_python(table)
     return found

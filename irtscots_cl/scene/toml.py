@@ -9,6 +9,7 @@ from typing import Any
 LISTS = (
     "element",
     "polynomial",
+    "map",
     "part",
     "spider",
 )  # fields that are arrays of tables; [[mirror.zernike]] has a form of its own
@@ -18,6 +19,8 @@ def _toml_value(value: Any) -> str:
     if isinstance(value, str):
         plain = (c if " " <= c <= "~" and c not in '"\\' else f"\\U{ord(c):08X}" for c in value)
         return '"' + "".join(plain) + '"'
+    if hasattr(value, "toml_text"):
+        return _toml_value(value.toml_text())
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{_toml_key(key)} = {_toml_value(v)}" for key, v in value.items()) + " }"
     if dataclasses.is_dataclass(value):

@@ -21,7 +21,7 @@ MAX_LENGTH_MM = 1e12  # as a radius it means a plane mirror: 0.1 nm of sag over 
 MIN_LENGTH_MM = 1 / MAX_LENGTH_MM  # with it no inverse of a length overflows, not even in single precision
 MAX_PIXELS_PER_AXIS = 16384
 SHOWN_CHARACTERS = 40
-LISTS = ("element", "zernike", "polynomial", "part", "spider")  # keys of arrays of tables
+LISTS = ("element", "zernike", "polynomial", "map", "part", "spider")  # keys of arrays of tables
 
 
 class SceneError(ValueError):

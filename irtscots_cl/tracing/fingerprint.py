@@ -25,5 +25,7 @@ def trace_fingerprint(
         from irtscots_cl.scene.outline_mask import outline_mask  # imported late: few outlines are pictures
 
         facts["outline"] = hash_of(outline_mask(outline).tobytes())
+    if scene.mirror.map:  # the scene's text has only their paths
+        facts["maps"] = " ".join(table.digest(k) for k, table in enumerate(scene.mirror.map))
     numbers = {"rays_per_pixel": int(rays.sum()), "replicates": len(rays)}
     return facts | numbers | {**device_identity, "version": package_version()}

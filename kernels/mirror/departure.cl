@@ -3,6 +3,7 @@
 #include "zernike_*.cl"
 #include "polynomial_*.cl"
 #include "asphere_*.cl"
+#include "map_*.cl"
 
 // At (x, y). tables: what is too large for the scene's structure.
 INLINE void mirror_departure(__constant Scene *scene, __global const real *tables, realv x, realv y, realv *height,
@@ -11,4 +12,5 @@ INLINE void mirror_departure(__constant Scene *scene, __global const real *table
     zernike_add(scene, x, y, height, slope_x, slope_y);
     polynomial_add(scene, x, y, height, slope_x, slope_y);
     asphere_add(scene, x, y, height, slope_x, slope_y);
+    map_add(scene, tables, x, y, height, slope_x, slope_y);
 }

@@ -10,6 +10,7 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from aspheres import asphere_scene
 from freeform import lopsided_freeform
@@ -18,10 +19,12 @@ from outlined import OUTLINED, outline_of
 from real_setup import SHAPES, real_setup
 from scenes import with_part
 
+from irtscots_cl.formats.height_map import HeightMap
 from irtscots_cl.opencl.device import DeviceError
 from irtscots_cl.opencl.program import build, check_precision, compose, kernel_files, kernels_folder
 from irtscots_cl.opencl.structs import LAUNCH
 from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.scene.height_map import MirrorMap
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.options import ESTIMATORS
@@ -33,6 +36,7 @@ FAMILIES = {
     "mirror": ["nominal", "deviated"],
     "aperture": ["disk", "annulus"],
     "zernike": ["power", "clenshaw", "none"],
+    "map": ["none", "bicubic"],
     "arrival": ["plain", "compensated"],
     "accumulate": ["tile", "atomic", "none"],
     "sampler": list(SAMPLERS),
@@ -59,6 +63,7 @@ DEPARTURE_FAMILIES = {
     "approach": ["slight", "exact"],
     "asphere": ["none", "even", "odd"],
     "polynomial": ["none", "chebyshev"],
+    "map": ["none", "bicubic"],
 }
 NO_DEPARTURE = {family: members[0] for family, members in DEPARTURE_FAMILIES.items()}
 PLAIN = {family: members[0] for family, members in DEVICE_FAMILIES.items()}
@@ -78,6 +83,10 @@ def write(path, text):
     return path
 
 
+def flat_map():
+    return MirrorMap(heights=HeightMap(np.zeros((2, 2)), pitch_mm=(200.0, 200.0)), outside="nearest")
+
+
 def scene_for(choices):
     """A scene whose packing makes these choices."""
     base = lopsided()
@@ -94,6 +103,7 @@ def scene_for(choices):
         off_axis_mm=240.0 if choices["surface"] == "off_axis" else 0.0,
         obscuration_mm=70.0 if choices["aperture"] == "annulus" else 0.0,
         zernike=zernike if choices["mirror"] == "deviated" else (),
+        map=(flat_map(),) if choices["map"] == "bicubic" else (),
     )
     return replace(base, mirror=mirror)
 
@@ -105,6 +115,7 @@ def scene_for(choices):
         for c in all_choices()
         if c["sampler"] == SAMPLERS[0] and c["accumulate"] == "tile"
         if c["zernike"] != "none"  # other tests build mirrors with departures of another kind
+        if c["map"] == "none" or (c["surface"], c["aperture"], c["mirror"]) == ("conic", "disk", "deviated")
         if c["mirror"] == "deviated" or (c["arrival"], c["zernike"]) == ("plain", "power")
     ],
     ids=lambda c: "-".join(c[family] for family in FAMILIES),
@@ -235,7 +246,7 @@ def test_families_here_are_those_of_the_folder():
     }
     families = FAMILIES | DEPARTURE_FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES
     families |= {"lens": LENSES, "outline": OUTLINES}
-    assert stars == {*families, "simd", "real"}
+    assert stars == {*families, "simd", "gather", "real"}
     for family, members in families.items():
         assert {f"{family}_{member}.cl" for member in members} == {
             name for name in kernel_files() if re.fullmatch(rf"{family}_[a-z0-9_]+\.cl", name)

@@ -15,7 +15,7 @@ from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.presets import load_scene, sequential_presets
 
-SCENES = [*sequential_presets(), "lopsided", "conic", *CURVATURES]
+SCENES = [*sequential_presets(), "lopsided", "conic", "mapped", *CURVATURES]
 
 
 def scene_of(name):

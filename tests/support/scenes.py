@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from freeform import lopsided_freeform
+from height_maps import mapped
 from lopsided import lopsided
 from real_setup import REAL
 
@@ -26,7 +27,7 @@ def scene_of(name: str) -> Scene:
 
     "lopsided-convex": its mirror bent the other way, before a larger screen. "sideways": devices that look along Y.
     "lopsided-asphere": its mirror with even and odd terms, off the parent's axis. "freeform", "lopsided-freeform":
-    their mirrors have polynomials and annular terms.
+    their mirrors have polynomials and annular terms. "mapped": a height map on the preset `sphere`.
     """
     if name in REAL:
         return REAL[name]()
@@ -34,6 +35,8 @@ def scene_of(name: str) -> Scene:
         return load_scene(str(EXAMPLES / f"{name}.toml"))
     if name == "lopsided-convex":
         return with_part(with_part(lopsided(), "mirror", radius_mm=-1500.0), "screen", pitch_mm=20.0, pixels=(69, 51))
+    if name == "mapped":
+        return mapped()
     if name == "lopsided-asphere":
         return with_part(lopsided(), "mirror", asphere=Asphere({3: 1e-9, 4: 1e-11, 6: -1e-17}))
     if name in MADE:

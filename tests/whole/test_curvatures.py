@@ -1,4 +1,5 @@
-"""The whole chain for mirrors that are not concave: estimators agree, a deviation is recovered, and what is refused."""
+"""The whole chain for mirrors that are not concave, or have a map: estimators agree, a deviation is recovered, and what
+is refused."""
 
 from __future__ import annotations
 
@@ -21,15 +22,15 @@ from irtscots_cl.tracing.packing.scene import pack
 from irtscots_cl.tracing.trace import trace
 
 FAILURE_CHANCE = 1e-6  # of all statistical statements of this file together
-NAMES = ("convex", "flat", "lopsided-convex", "sideways")
-STATEMENTS = 3 * len(NAMES) + 2 * 2
+NAMES = ("convex", "flat", "lopsided-convex", "sideways", "mapped")
+STATEMENTS = 3 * len(NAMES) + 2 * 3
 CHANCE = FAILURE_CHANCE / STATEMENTS
 
 
 def large_pixels(name):
     """The scene with fewer and larger pixels of screen and detector, and an aperture that takes more light."""
     scene = scene_of(name)
-    shrink = {"convex": 10, "flat": 10, "lopsided-convex": 3, "sideways": 8}[name]
+    shrink = {"convex": 10, "flat": 10, "lopsided-convex": 3, "sideways": 8, "mapped": 10}[name]
     screen = scene.screen
     screen = replace(screen, pixels=tuple(n // shrink for n in screen.pixels), pitch_mm=screen.pitch_mm * shrink)
     scene = with_part(replace(scene, screen=screen), "camera", aperture_diameter_mm=25.0)
@@ -65,7 +66,7 @@ def test_forward_and_adjoint_rays_agree_in_every_bin(device, name):
     assert abs(contrast.sum() / np.sqrt(variance.sum())) < sidak_z(1, CHANCE)
 
 
-@pytest.mark.parametrize("name", ["convex", "flat"])
+@pytest.mark.parametrize("name", ["convex", "flat", "mapped"])
 def test_light_curves_in_closed_form_are_those_of_many_rays(device, name):
     """By place in the light curve, over all pixels that see nothing but mirror: to 1e-5 of the peak."""
     if not device.has_fp64:

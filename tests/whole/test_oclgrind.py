@@ -19,12 +19,14 @@ from real_setup import real_setup
 from tracers import setup_of, totals, tracer_of
 
 from irtscots_cl.execution.launch_plan import RayBlock
+from irtscots_cl.formats.height_map import HeightMap
 from irtscots_cl.opencl import program, selftest
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose, kernel_files
 from irtscots_cl.scene.asphere import Asphere
 from irtscots_cl.scene.element import Element
+from irtscots_cl.scene.height_map import MirrorMap
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
@@ -100,8 +102,15 @@ def small_setup(terms: int) -> Scene:
     )
 
 
-# Every file of the families surface, aperture, outline, mirror, approach, arrival, zernike, asphere, polynomial, frame,
-# camera, lens, screen and glass
+def maps() -> tuple[MirrorMap, ...]:
+    """One that most rays miss, and one of few nodes that all meet, turned."""
+    heights = np.array([[1.0, 2.0, 4.0], [0.0, 3.0, 5.0]]) * 1e-6
+    small = MirrorMap(heights=HeightMap(heights, pitch_mm=(9.0, 7.0)), outside="nearest")
+    return small, dataclasses.replace(small, scale=100.0, rotation_deg=20.0)
+
+
+# Every file of the families surface, aperture, outline, mirror, approach, arrival, zernike, asphere, polynomial, map,
+# frame, camera, lens, screen and glass
 MIRRORS = {
     "nominal": small("sphere"),
     "slight": small("sphere", zernike=(ZernikeTerms(radius_mm=540.0, ordering="noll", coefficients_um={4: 1e-5}),)),
@@ -113,6 +122,7 @@ MIRRORS = {
     ),
     "even asphere": small("sphere-deviated", asphere=Asphere(coefficients_mm={4: 1e-12, 20: 1e-55})),
     "odd asphere": small("sphere", asphere=Asphere(coefficients_mm={3: 1e-9, 4: 1e-12})),
+    "maps": small("sphere", map=maps()),
     "flat": small("sphere", radius_mm=math.inf),
     "polygon": small("sphere", outline=outline_of("hexagon", 1064.0)),
     "parts": small("sphere-deviated", outline=outline_of("parts", 1064.0)),

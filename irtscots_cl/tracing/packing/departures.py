@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,9 +17,11 @@ from irtscots_cl.opencl.structs import (
 from irtscots_cl.optics.aim import screen_corners
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.departure import ZernikeDeparture
+from irtscots_cl.optics.height_map import MapDeparture
 from irtscots_cl.optics.polynomial import PolynomialDeparture
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.validation import SceneError
+from irtscots_cl.tracing.packing.maps import pack_maps
 
 MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
 MAX_NEWTON_STEPS = 8  # more than any departure needs that is still a mirror's
@@ -53,7 +55,9 @@ class PackedDepartures:
 
 def pack_departures(surface: Surface, real) -> PackedDepartures:
     """The departures of a surface that has some."""
-    packed = PackedDepartures({"zernike": "none", "asphere": "none", "polynomial": "none", "approach": "slight"})
+    packed = PackedDepartures(
+        {"zernike": "none", "asphere": "none", "polynomial": "none", "map": "none", "approach": "slight"}
+    )
     departures = surface.departures
     if surface.design:
         from irtscots_cl.tracing.packing import asphere  # imported late: few designs depart from their conics
@@ -66,6 +70,10 @@ def pack_departures(surface: Surface, real) -> PackedDepartures:
     for departure in departures:  # at most one of each kind but of polynomials
         if isinstance(departure, ZernikeDeparture):
             packed.add(*_zernike(departure, real))
+        elif isinstance(departure, MapDeparture):
+            *parts, numbers = pack_maps(departure, real, len(packed.tables))
+            packed.add(*parts)
+            packed = replace(packed, tables=np.concatenate([packed.tables, numbers], dtype=real))
     polynomials = [departure.series for departure in surface.departures if isinstance(departure, PolynomialDeparture)]
     if polynomials:
         packed.add(*polynomial_parts(sum_of(polynomials), real))
