@@ -259,6 +259,12 @@ def test_the_device_stays_on_the_map_whatever_the_place(device, tmp_path, precis
     _, (height, slope_x, slope_y) = on_device(device, tmp_path, precision, scene, x, y)
     assert (height >= -1e-12).all() and (height <= 11e-6 + 1e-12).all()
     assert np.isfinite(slope_x).all() and np.isfinite(slope_y).all()
+    x, y = np.random.default_rng(8).uniform(-3.0, 3.0, (2, 4096))  # half of them around the map's edge
+    (x, y), found = on_device(device, tmp_path, precision, scene, x, y)
+    expected = Surface.of(scene.mirror).deviation[0].at(x, y)
+    np.testing.assert_allclose(found[0], expected[0], rtol=0, atol=1e-11)  # mm: single precision of 11 nm
+    slope = np.abs(found[1:] - expected[1:]).max(0)
+    assert np.mean(slope > 1e-11) < 0.01  # rad; on an edge itself rounding decides
 
 
 def test_extreme_slopes_are_found_and_steps_suffice():
