@@ -70,6 +70,7 @@ def test_device_and_host_meet_the_surface_of_the_sag_equation(device, precision,
     assert np.abs(surface.sag(*points[:, :2].T) - points[:, 2])[inside].max() < 1e-12  # mm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["order-20", "odd", "off-axis"])
 def test_whole_paths_of_both_estimators(device, precision, name):
     scene = asphere_scene(name)
