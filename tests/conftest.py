@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
+
+# One thread for linear algebra, set before NumPy is there: a second one waits for its turn by turning in circles, and
+# takes up to seven times the processor time for matrices as small as the tests have.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from irtscots_cl import cli
 from irtscots_cl.opencl.device import Device, select_device
@@ -19,13 +24,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what runs kernels as needs_device: tools/second_device runs these alone on another OpenCL implementation.
 
     By fixtures, also those that a test's own fixtures use; what finds its device in another way is marked by hand.
-    Mark the tests of slow_tests.txt as slow.
+    Mark the tests of slow_tests.txt as slow. Files with slow tests come first: the short ones are left to fill the
+    processes evenly at the end, where several share the files.
     """
     for item in items:
         if item.nodeid in SLOW:
             item.add_marker(pytest.mark.slow)
         if DEVICE_FIXTURES.intersection(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.needs_device)
+    long_files = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in long_files)
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ import functools
 
 import numpy as np
 import pytest
-from scenes import coarse, scene_of, with_part
+from scenes import coarse, with_part
 from varied_scenes import KINDS, varied_scene
 
 from irtscots_cl.analysis.comparison import compare
@@ -122,7 +122,7 @@ def test_structure_near_the_limit_of_the_pixels_is_said_to_be_a_bound():
 @pytest.fixture(scope="module")
 def defocused(device):
     """sphere-deviated, the camera focused before it: no pixel has a closed form."""
-    setup = Setup(with_part(scene_of("sphere-deviated"), "camera", focus_distance_mm=3000.0))
+    setup = Setup(with_part(coarse("sphere-deviated", 63), "camera", focus_distance_mm=2600.0))
     run = trace(setup, device=device, precision="fp64" if device.has_fp64 else "fp32", sampler="sobol", smoothing=True,
                 rays_per_pixel=1024)  # fmt: skip
     return setup, run.images(LineScan(setup.scene))
@@ -135,7 +135,7 @@ def test_fine_measures_by_traced_light_where_there_is_no_closed_form(defocused):
     assert not setup.nominal.pixel_response.valid().any()
     assert result.light_traced().sum() == result.pixels_used and not result.without_model().any()
     error_nm = compare(result, setup.scene).height_error_nm["piston_tilt"].value
-    assert error_nm < 0.15  # 1.6 by plain centroids: sampling by lines
+    assert error_nm < 0.15  # 2.1 by plain centroids: sampling by lines
     predicted = predict_error(result, stack)
     assert error_nm / WITHIN < predicted.height_mm * 1e6 < error_nm * WITHIN
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import tomllib
 
 import pytest
@@ -60,7 +61,7 @@ def test_mirrors_without_the_table_are_disks():
 
 def test_the_path_of_a_mask_is_relative_to_the_scenes_file():
     data = changed("mirror", "outline", to={"shape": "mask", "file": "mask.png", "pitch_mm": 1.0})
-    assert checked_tables(data, "folder/scene.toml")["mirror"]["outline"].file == "folder/mask.png"
+    assert checked_tables(data, "folder/scene.toml")["mirror"]["outline"].file == os.path.abspath("folder/mask.png")
 
 
 def test_corners_run_counterclockwise_from_where_the_keys_say():

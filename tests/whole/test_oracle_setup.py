@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from oracle import light, panel, picture
 from oracle.rig import Rig, with_fault
-from real_setups import MIRRORS, real_setup
+from oracle.setup_text import MIRRORS, setup_text
 
 TERMS = (-0.31, 0.12, 0.004, -0.0025, -0.02, 0.05, -0.03, 0.01)
 
@@ -54,7 +54,7 @@ def test_a_turned_camera_sees_world_points_where_opencv_sees_them():
 
 
 def test_the_stored_picture_is_cut_and_joined_from_the_calibrated_one():
-    eye = Rig.of(real_setup()).eye
+    eye = Rig.of(setup_text()).eye
     whole = dataclasses.replace(eye, first=(0, 0), joined=(1, 1), size=(220, 90))
     # column 3 of the stored picture joins the whole one's 26 and 27; its fifth line from the top is the whole one's 15
     x, y = eye.ideal_point(61 - 1 - 4, 3)
@@ -65,7 +65,7 @@ def test_the_stored_picture_is_cut_and_joined_from_the_calibrated_one():
 
 
 def test_the_picture_has_its_x_to_the_right_and_its_lines_downwards():
-    eye = Rig.of(real_setup()).eye
+    eye = Rig.of(setup_text()).eye
     row, column, _, _ = eye.receives(np.zeros(3), eye.place)
     for axis, down, right in ((0, 0, 1), (1, -1, 0)):
         point = 20 * eye.axes[axis]
@@ -82,7 +82,7 @@ def test_undone_distortion_comes_back():
 
 
 def test_the_lens_joins_the_rays_of_a_point_in_focus():
-    eye = Rig.of(real_setup()).eye
+    eye = Rig.of(setup_text()).eye
     a, b = np.array([1.2, -0.8, 0.0, 0.3]), np.array([0.1, 0.9, 0.0, -1.1])
     start, along = eye.looks_along(np.full(4, 12.3), np.full(4, 70.2), a, b)
     far = start + along * eye.focus  # along has -1 on the axis
@@ -105,7 +105,7 @@ def rays(rig, count=400):
 @pytest.mark.parametrize("plate", ["offset", "local", None])
 @pytest.mark.parametrize("mirror", MIRRORS)
 def test_rays_run_the_same_way_back(mirror, plate):
-    rig = Rig.of(real_setup(mirror, glass=plate is not None), plate=plate or "offset")
+    rig = Rig.of(setup_text(mirror, glass=plate is not None), plate=plate or "offset")
     row, column, a, b = rays(rig)
     assert len(row) == 400
     path = rig.back(row, column, a, b)
@@ -118,7 +118,7 @@ def test_rays_run_the_same_way_back(mirror, plate):
 
 
 def test_a_convex_sphere_reflects_as_a_sphere_does():
-    text = real_setup("convex", zernike=False, glass=False).replace("conic = -0.3", "conic = 0.0")
+    text = setup_text("convex", zernike=False, glass=False).replace("conic = -0.3", "conic = 0.0")
     rig = Rig.of(text)
     path = rig.back(*rays(rig)[:2])
     centre = np.array([0.0, 0.0, -2600.0])
@@ -129,7 +129,7 @@ def test_a_convex_sphere_reflects_as_a_sphere_does():
 
 
 def test_a_flat_mirror_shows_the_screen_behind_itself():
-    rig = Rig.of(real_setup("flat", zernike=False, glass=False))
+    rig = Rig.of(setup_text("flat", zernike=False, glass=False))
     path = rig.back(*rays(rig))
     image = rig.panel.world(path.u, path.v) * [1, 1, -1]
     straight = np.cross(panel.unit(image - path.start), panel.unit(path.mirror - path.start))
@@ -138,7 +138,7 @@ def test_a_flat_mirror_shows_the_screen_behind_itself():
 
 def test_pixels_are_on_the_bent_and_turned_screen():
     # the pixel at the grid's right edge, half way up: s = 1, t = 0 of the sag's polynomial
-    here = Rig.of(real_setup(glass=False)).panel
+    here = Rig.of(setup_text(glass=False)).panel
     half, (u, v) = 61 * 0.9 / 2, (1.3, -7.3)
     x, y, z = picture.frame_axes([75, 130, 1540], [330, -400, 0])
     c, s = math.cos(math.radians(-33)), math.sin(math.radians(-33))
@@ -152,7 +152,7 @@ def test_pixels_are_on_the_bent_and_turned_screen():
 
 
 def test_a_sheet_s_tangents_are_its_derivatives():
-    sheet = Rig.of(real_setup()).panel.sheet
+    sheet = Rig.of(setup_text()).panel.sheet
     u, v = np.array([3.0, -20.0, 11.0]), np.array([-14.0, 2.0, 6.0])
     _, along_u, along_v = sheet(u, v)
     _, by_u, by_v = panel.map_sheet(lambda u, v: sheet(u, v)[0])(u, v)
@@ -174,7 +174,7 @@ def test_glass_moves_rays_as_a_plane_parallel_plate():
 
 
 def test_the_two_readings_of_a_bent_plate_differ_by_its_curvature():
-    one, other = (Rig.of(real_setup(), plate=plate) for plate in ("offset", "local"))
+    one, other = (Rig.of(setup_text(), plate=plate) for plate in ("offset", "local"))
     row, column = rays(one)[:2]
     first, second = (rig.back(row, column) for rig in (one, other))
     differ = np.hypot(first.u - second.u, first.v - second.v).max()
@@ -182,7 +182,7 @@ def test_the_two_readings_of_a_bent_plate_differ_by_its_curvature():
 
 
 def test_measured_points_stand_for_a_sag():
-    text = real_setup(glass=False)
+    text = setup_text(glass=False)
     rig = Rig.of(text)
     row, column = rays(rig)[:2]
     exact = rig.back(row, column)
@@ -202,7 +202,7 @@ def test_measured_points_stand_for_a_sag():
 
 
 def test_faults_move_what_their_names_say():
-    rig = Rig.of(real_setup())
+    rig = Rig.of(setup_text())
     eye, screen = rig.eye, rig.panel
     assert np.allclose(with_fault(rig, "camera.y_mm", 0.3).eye.place - eye.place, [0, 0.3, 0])
     rolled = with_fault(rig, "camera.roll_rad", 1e-3).eye.axes
@@ -222,7 +222,7 @@ def test_faults_move_what_their_names_say():
 @pytest.mark.parametrize("quantity", ["x_mm", "y_mm", "z_mm", "tilt_x_rad", "tilt_y_rad", "clocking_rad"])
 def test_a_moved_mirror_is_a_moved_rest_of_the_world(quantity):
     # seen from the moved mirror's frame: distances between devices stay, and a point of the mirror moves as named
-    rig = Rig.of(real_setup())
+    rig = Rig.of(setup_text())
     value = 1e-3 if quantity.endswith("rad") else 0.5
     moved = with_fault(rig, f"mirror.{quantity}", value)
     apart = [np.linalg.norm(r.eye.place - r.panel.place) for r in (rig, moved)]
@@ -241,7 +241,7 @@ def test_a_moved_mirror_is_a_moved_rest_of_the_world(quantity):
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_light_of_a_pixel(axis):
-    rig = Rig.of(real_setup())
+    rig = Rig.of(setup_text())
     edges = rig.panel.line_edges(axis)
     flux = light.line_flux(rig, 20, 38, edges, axis)
     finer = light.line_flux(rig, 20, 38, edges, axis, points=12, chords=300)
@@ -252,7 +252,7 @@ def test_light_of_a_pixel(axis):
 
 
 def test_light_is_radiance_times_aperture_times_solid_angle():
-    rig = Rig.of(real_setup().replace("aperture_diameter_mm = 3.0", "aperture_diameter_mm = 0.1"))
+    rig = Rig.of(setup_text().replace("aperture_diameter_mm = 3.0", "aperture_diameter_mm = 0.1"))
     row, column = 46, 13
     flux = light.line_flux(rig, row, column, rig.panel.line_edges(0), 0).sum()
     corners = np.array([[-0.5, -0.5], [-0.5, 0.5], [0.5, 0.5], [0.5, -0.5]])
@@ -295,7 +295,7 @@ pitch_mm = 0.037
 
 
 def test_light_that_is_not_all_there_is_refused():
-    rig = Rig.of(real_setup())
+    rig = Rig.of(setup_text())
     with pytest.raises(ValueError, match="rim"):
         light.line_flux(rig, 0, 0, rig.panel.line_edges(0), 0)
     short = dataclasses.replace(rig, panel=dataclasses.replace(rig.panel, size=(61, 3)))

@@ -1,4 +1,4 @@
-"""Scene files of real set-ups without any symmetry, as text: nothing of them is the default."""
+"""The set-up of the oracle's own tests, as text of a scene file: no symmetry, and nothing of it is the default."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ noll_um = { 5 = -3.0, 7 = 2.0, 8 = 1.5, 10 = 0.6 }
 MIRRORS = ("concave", "convex", "flat")
 
 
-def real_setup(mirror: str = "concave", glass: bool = True, rational: bool = True, zernike: bool = True) -> str:
+def setup_text(mirror: str = "concave", glass: bool = True, rational: bool = True, zernike: bool = True) -> str:
     """A set-up with everything on. mirror: of MIRRORS. rational: distortion with k4, k5, k6."""
     more = ", 0.05, -0.03, 0.01" if rational else ""
     if mirror == "concave":
