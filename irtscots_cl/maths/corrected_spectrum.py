@@ -90,9 +90,9 @@ def corrected_psd(
         shares = mean(aliased)
         corrected = mean((spectrum.density_mm4 - noise) / (safe * (1 + aliased)))
         error = relative * mean(spectrum.density_mm4 / (safe * (1 + aliased)))
-        good = seen & (shares <= MOST_ALIASED) & (middles >= lowest)
-        exponent = _exponent(middles, corrected, error, good)
+        exponent = _exponent(middles, corrected, error, seen & (middles >= lowest))
         aliased = _aliased(frequency, safe, inside, aliases, exponent)
+    good = seen & (shares <= MOST_ALIASED) & (middles >= lowest)
     unknown = np.full(full.size, np.nan)
     return CorrectedPsd(
         middles, mean(spectrum.density_mm4), np.sqrt(mean(power)), np.where(good, corrected, np.nan),

@@ -79,7 +79,7 @@ def windowed_spectrum(heights: FloatArray, pitch_mm: tuple[float, float]) -> Pow
     values = np.where(np.isfinite(part), part, 0.0)
     values = values - float((window * values).sum() / window.sum())
     spectrum = np.abs(np.fft.fft2(values * window)) ** 2 * (pitch_mm[0] * pitch_mm[1] / power)
-    fx, fy = np.fft.fftfreq(columns, pitch_mm[0]), np.fft.fftfreq(rows, pitch_mm[1])
+    fx, fy = (np.asarray(np.fft.fftfreq(n, p), np.float64) for n, p in zip((columns, rows), pitch_mm, strict=True))
     return PowerSpectrum(spectrum, fx, fy, window, power / whole)
 
 

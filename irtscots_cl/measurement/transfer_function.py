@@ -26,7 +26,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import j1
 
-from irtscots_cl.maths.arrays import FloatArray, IntArray
+from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.maths.integration.rule_symbols import height_symbol
 from irtscots_cl.maths.zernike.fit import smoothing_matrix
 from irtscots_cl.measurement.methods import Measure, check_measure
@@ -62,9 +62,9 @@ class Response:
     height: FloatArray
 
     @property
-    def aliased(self) -> FloatArray:
+    def aliased(self) -> BoolArray:
         """Whether a wave turns by more than pi from a pixel to the next, [n, m]: it shows as another one."""
-        return np.abs(self.turns).max(-1) > np.pi
+        return np.asarray(np.abs(self.turns).max(-1) > np.pi)
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class TransferFunction:
         rows, columns = np.divmod(whole, self.setup.chief_rays.shape[1])
         middle = rows[whole.size // 2]
         kept = whole[((rows - middle) % step == 0) & ((columns - columns[whole.size // 2]) % step == 0)]
-        return kept.astype(np.intp)
+        return np.asarray(kept, np.intp)
 
     def nearest(self, x_mm: float = 0.0, y_mm: float = 0.0) -> IntArray:
         """The whole pixel [1] whose mirror point is nearest to (x, y). ValueError if there is none."""
@@ -202,11 +202,12 @@ class TransferFunction:
         fit = smoothing_matrix(terms)
         size = np.linspace(0.0, 3.0 * order / radius, SHARE_STEPS)
         angle = np.arange(SHARE_ANGLES) * np.pi / SHARE_ANGLES
-        direction, share = np.stack([np.cos(angle), np.sin(angle)], -1), []
-        for one in size:
-            waves = np.exp(1j * one * (direction @ np.stack([x, y])))  # [angles, samples]
-            share.append(np.mean(np.real((waves @ fit.T) @ terms * waves.conj())))
-        return size, np.array(share)
+        k = np.multiply.outer(size, np.stack([np.cos(angle), np.sin(angle)], -1)).reshape(-1, 2)
+        along = k @ np.stack([x, y])  # [steps x angles, samples]
+        share = np.zeros(len(k))
+        for wave in (np.cos(along), np.sin(along)):  # real matrices: far faster than complex or stacked ones
+            share += np.sum((wave @ terms.T) * (wave @ fit.T), axis=1) / x.size
+        return size, share.reshape(SHARE_STEPS, SHARE_ANGLES).mean(1)
 
 
 def wrapped(turns: FloatArray) -> FloatArray:
@@ -223,4 +224,4 @@ def _over_disk(turns: FloatArray) -> FloatArray:
     """Mean of exp(i (p a + q b)) over the unit disk, of (p, q) [..., 2]."""
     radius = np.linalg.norm(turns, axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(radius > 1e-6, 2 * j1(radius) / radius, 1 - radius**2 / 8)
+        return np.asarray(np.where(radius > 1e-6, 2 * j1(radius) / radius, 1 - radius**2 / 8))

@@ -68,8 +68,8 @@ class TransferGeometry:
 
     def part(self, chosen: slice) -> TransferGeometry:
         """Some of the pixels."""
-        arrays = (self.number, self.x_mm, self.y_mm, self.pixel, self.aperture, self.light, self.slopes)
-        return TransferGeometry(self.setup, *(values[chosen] for values in arrays))
+        arrays = (self.x_mm, self.y_mm, self.pixel, self.aperture, self.light, self.slopes)
+        return TransferGeometry(self.setup, self.number[chosen], *(values[chosen] for values in arrays))
 
     def turns(self, k_per_mm: FloatArray) -> FloatArray:
         """Phases [n, m, 2] by which waves k [m, 2] rad/mm turn from pixel to pixel along column and row."""

@@ -16,9 +16,8 @@ from irtscots_cl.measurement.prediction import SHARPENED
 from irtscots_cl.measurement.transfer_function import TransferFunction
 
 NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]  # periods of the grid's frequencies
-PLACES = 9  # pixels over the mirror whose responses are averaged, of small maps
+PLACES = 4  # pixels over the mirror whose responses are averaged, of small maps
 MOST_WAVES = 2**17  # of maps that count as small
-UNTOLD = 1.5  # samples from frequency 0 within which piston and tilt leave no noise
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,6 @@ def _noise(transfer: TransferFunction, measured: MeasuredMap, grid: FloatArray, 
     if known:
         return np.asarray(density)
     rows, columns = density.shape
-    lowest = np.hypot(*np.meshgrid(np.fft.fftfreq(columns) * columns, np.fft.fftfreq(rows) * rows)) < UNTOLD
     cell = 1 / (rows * columns * abs(float(np.linalg.det(grid))))
-    variance = float(np.nansum(np.where(lowest, 0.0, density))) * cell
+    variance = float(np.nansum(density)) * cell  # that of frequency 0 is NaN: a piston
     return np.asarray(density * (measured.height_error_mm**2 / variance))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import RectBivariateSpline
 
 from irtscots_cl.imaging.fringes import FringeScan, FringeSet
 from irtscots_cl.imaging.image_stack import ImageStack
@@ -50,7 +51,7 @@ class SineDeparture:
 class RippledChiefRays(ChiefRays):
     """The chief rays of a scene whose mirror has waves on top."""
 
-    ripple: SineDeparture | None = field(default=None, kw_only=True)
+    ripple: SineDeparture | FieldDeparture | None = field(default=None, kw_only=True)
 
     @cached_property
     def surface(self) -> Surface:
@@ -61,7 +62,7 @@ class RippledChiefRays(ChiefRays):
 class RippledSetup(Setup):
     """The set-up of a scene whose mirror has waves on top. Its light is traced: over a pixel no map is quadratic."""
 
-    def __init__(self, scene, ripple: SineDeparture | None):
+    def __init__(self, scene, ripple: SineDeparture | FieldDeparture | None):
         super().__init__(scene)
         self.ripple = ripple
 
@@ -101,3 +102,31 @@ def wave_fit(x_mm, y_mm, values, mask, k_per_mm, phase: float) -> complex:
     root = np.sqrt(weight)
     found = np.linalg.lstsq(basis * root[:, None], z * root, rcond=None)[0]
     return complex(found[0], found[1])
+
+
+@dataclass(frozen=True)
+class FieldDeparture:
+    """Seeded heights whose power spectral density is level_mm2 x frequency^-2 up to cut_per_mm, as a cubic spline."""
+
+    spline: RectBivariateSpline = field(repr=False)
+    radius_mm: float
+
+    @classmethod
+    def of(cls, seed: int, radius_mm: float, pitch_mm: float, level_mm2: float, cut_per_mm: float) -> FieldDeparture:
+        """pitch_mm: of the spline's knots, a small part of 1 / cut_per_mm."""
+        count = 2 * int(np.ceil(1.5 * radius_mm / pitch_mm))
+        frequency = np.hypot(*np.meshgrid(*[np.fft.fftfreq(count, pitch_mm)] * 2))
+        inside = (frequency > 0) & (frequency < cut_per_mm)
+        density = np.where(inside, level_mm2 / np.where(inside, frequency, 1.0) ** 2, 0.0)
+        white = np.fft.fft2(np.random.default_rng(seed).standard_normal((count, count)))  # of density pitch^2
+        heights = np.fft.ifft2(white * np.sqrt(density) / pitch_mm).real
+        axis = (np.arange(count) - count / 2) * pitch_mm
+        return cls(RectBivariateSpline(axis, axis, heights), radius_mm)
+
+    def at(self, x_mm, y_mm):
+        """Height [mm] and its slopes."""
+        x, y = np.broadcast_arrays(np.nan_to_num(x_mm), np.nan_to_num(y_mm))
+        return tuple(self.spline.ev(y, x, dx=dy, dy=dx) for dx, dy in ((0, 0), (1, 0), (0, 1)))
+
+    def spread(self, aperture_radius_mm: float):
+        return polar_points(aperture_radius_mm, 64)
