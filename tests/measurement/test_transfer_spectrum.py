@@ -79,23 +79,21 @@ def test_a_density_of_one_over_f_squared_comes_back(measure, share):
 
 
 def test_stated_noise_is_subtracted():
-    """Slope noise that multiplies the density of the highest frequencies; its slopes' or its heights' errors known."""
-    transfer = transfer_of("fine")
-    clean = [mirror_psd(transfer, seen_of_field(transfer, seed)) for seed in range(2)]
-    noise = 2.5e-7
-    pulls = []
-    for seed, one in enumerate(clean):
-        measured = seen_of_field(transfer, seed, noise)
-        told = replace(measured, slope_errors=(noise * 1.17, noise * 1.17))  # as deconvolve_pixel leaves it
-        found = mirror_psd(transfer, told)
-        pulls.append((found.corrected_mm4 - one.corrected_mm4) / found.standard_error_mm4)
-        assert (mirror_psd(transfer, measured).measured_mm4 > 1.5 * one.measured_mm4)[-3:].all()
-        density = found.noise_mm4
-        lowest = mirror_psd(transfer, replace(measured, height_error_mm=1e-6)).noise_mm4
-        np.testing.assert_allclose(lowest / lowest[10], density / density[10], rtol=1e-6)  # the same noise by heights
-    assert np.abs(np.nanmean(pulls)) < 0.6 and np.nanstd(pulls) < 1.5
+    """Slope noise that doubles the density of the highest frequencies; its slopes' or its heights' errors known."""
+    transfer, noise = transfer_of("fine"), 5e-8
+    measured = seen_of_field(transfer, 1, noise)
+    found = mirror_psd(transfer, replace(measured, slope_errors=(noise * 1.17, noise * 1.17)))  # as deconvolve_pixel
+    upper = slice(len(found.frequency_per_mm) // 2, -3)  # leaves it
+    law = LEVEL_MM2 / found.frequency_per_mm**2
+    included = mirror_psd(transfer, measured)
+    assert np.isnan(included.noise_mm4).all()
+    assert np.nanmean((included.corrected_mm4 / law)[upper]) > 1.5
+    assert np.nanmean((found.corrected_mm4 / law)[upper]) == pytest.approx(1.0, abs=0.25)  # 9 rings of 20 %: 3.5 sigma
+    by_heights = mirror_psd(transfer, replace(measured, height_error_mm=1e-6)).noise_mm4
+    np.testing.assert_allclose(by_heights / by_heights[10], found.noise_mm4 / found.noise_mm4[10], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_map_of_height_errors_gives_the_noise_its_level():
     """Maps of nothing but noise, of which the rms error without piston and tilt is known."""
     transfer = transfer_of("paper")
