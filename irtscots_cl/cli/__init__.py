@@ -28,6 +28,7 @@ from irtscots_cl.cli import (
     run,
     scenes,
     stability,
+    transfer,
 )
 from irtscots_cl.cli import map as height_map
 from irtscots_cl.cli.common import (
@@ -44,7 +45,7 @@ from irtscots_cl.system import interruption
 
 COMMANDS = (
     run, scenes, devices, kernel, paths, design_patterns, patterns, reconstruct, calibrate, identify, height_map,
-    convert, reproduce, bench, stability,
+    convert, transfer, reproduce, bench, stability,
 )  # fmt: skip
 
 

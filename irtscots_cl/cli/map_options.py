@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from irtscots_cl.cli.common import warn
 
 if TYPE_CHECKING:
-    from irtscots_cl.formats.height_map import HeightMap
+    from irtscots_cl.formats.height_map import HeightMap, MapOptions
 
 FORMATS_READ = (
     "MetroPro .dat, DATX, CODE V .int, Zemax grid sag .DAT, FITS, TIFF, CSV, XYZ, NPZ, NPY, SDF or X3P, told by its "
@@ -17,8 +17,10 @@ FORMATS_READ = (
 )
 
 
-def add_map_options(parser: argparse.ArgumentParser) -> None:
-    """Options of what a file does not say, and of the kind that is wanted."""
+def add_map_options(
+    parser: argparse.ArgumentParser, wavelength: str = "wavelength where the file tells none, for heights in waves"
+) -> None:
+    """Options of what a file does not say, and of the kind that is wanted. wavelength: help of --wavelength-nm."""
     parser.add_argument(
         "--unit", metavar="U", help="unit of the file's heights where it tells none: m, cm, in, mm, um, nm or wave"
     )
@@ -27,9 +29,7 @@ def add_map_options(parser: argparse.ArgumentParser) -> None:
         metavar="P",
         help="distance between pixels, one number or X,Y; replaces the file's own, with a warning",
     )
-    parser.add_argument(
-        "--wavelength-nm", type=float, metavar="W", help="wavelength where the file tells none, for heights in waves"
-    )
+    parser.add_argument("--wavelength-nm", type=float, metavar="W", help=wavelength)
     parser.add_argument(
         "--holds",
         metavar="K",
@@ -48,14 +48,19 @@ def add_map_options(parser: argparse.ArgumentParser) -> None:
 
 def read_map(path: Path, options: argparse.Namespace) -> HeightMap:
     """The map in a file, as the kind that is wanted; its warnings go to stderr. Raises ValueError."""
-    from irtscots_cl.formats.height_map import MapOptions
     from irtscots_cl.formats.maps import open_map
 
-    told = MapOptions(options.unit, _pitch(options.pitch_mm), options.wavelength_nm, options.holds)
-    height_map = open_map(path, told)
+    height_map = open_map(path, told_of_map(options))
     for text in height_map.warnings:
         warn(f"{path}: {text}")
     return height_map if options.kind is None else height_map.as_kind(options.kind)
+
+
+def told_of_map(options: argparse.Namespace) -> MapOptions:
+    """What the options tell of a file."""
+    from irtscots_cl.formats.height_map import MapOptions
+
+    return MapOptions(options.unit, _pitch(options.pitch_mm), options.wavelength_nm, options.holds)
 
 
 def _pitch(text: str | None) -> tuple[float, float] | None:

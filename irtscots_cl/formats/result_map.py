@@ -7,6 +7,8 @@ pitch is the median distance of neighbouring pixels.
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import h5py
@@ -30,6 +32,58 @@ def is_result(path: Path) -> bool:
             return all(isinstance(link, h5py.HardLink) for link in links)
     except (OSError, RuntimeError, KeyError):
         return False
+
+
+@dataclass(frozen=True)
+class ResultGrid:
+    """A result's deviation on the grid of the camera's pixels, [rows, columns]; NaN where a pixel was not used.
+
+    column_mm, row_mm: (x, y) on the mirror from a pixel to the next along columns and rows, the median. uneven: by
+    which part of it a tenth of the steps differ at least. height_error_mm: rms of the stated errors; slope_errors:
+    those of the slopes in x and y [rad]; NaN where the file has none.
+    """
+
+    heights_mm: FloatArray = field(repr=False)
+    column_mm: tuple[float, float]
+    row_mm: tuple[float, float]
+    uneven: float
+    height_error_mm: float
+    slope_errors: tuple[float, float]
+
+    @property
+    def pitch_mm(self) -> tuple[float, float]:
+        """Distances of the pixels along columns and rows."""
+        return math.hypot(*self.column_mm), math.hypot(*self.row_mm)
+
+
+def read_result_grid(path: Path) -> ResultGrid:
+    """The deviation of a result where the pixels are. Raises ValueError, with one line, for what cannot be read."""
+    with reading(path, "result"), opened(path) as file:
+        heights = _numbers(path, file, "", "deviation_nm") * UNIT_MM["nm"]
+        x, y = (_numbers(path, file, "mirror", name) for name in ("x_mm", "y_mm"))
+        if not x.shape == y.shape == heights.shape or heights.ndim != 2:
+            raise ValueError(f"{path}: mirror/x_mm, mirror/y_mm, deviation_nm: must be maps of one size")
+        steps = [np.stack([np.diff(x, axis=axis), np.diff(y, axis=axis)], -1).reshape(-1, 2) for axis in (1, 0)]
+        steps = [of_axis[np.isfinite(of_axis).all(1)] for of_axis in steps]
+        if min(map(len, steps)) < LEAST_PIXELS:
+            raise ValueError(f"{path}: too few valid pixels for a spectrum")
+        medians = [np.median(of_axis, axis=0) for of_axis in steps]
+        lengths = [np.linalg.norm(s, axis=1) / np.linalg.norm(m) for s, m in zip(steps, medians, strict=True)]
+        height_error = _rms_of(path, file, "", "height_standard_error_nm") * UNIT_MM["nm"]
+        slopes = tuple(_rms_of(path, file, "slope", f"{axis}_standard_error_rad") for axis in "xy")
+    return ResultGrid(
+        heights, (float(medians[0][0]), float(medians[0][1])), (float(medians[1][0]), float(medians[1][1])),
+        float(max(np.quantile(np.abs(of_axis - 1), 0.9) for of_axis in lengths)), height_error, (slopes[0], slopes[1]),
+    )  # fmt: skip
+
+
+def _rms_of(path: Path, file: h5py.File, group: str, name: str) -> float:
+    """Rms of the finite values of a map; NaN where there is none or no such map."""
+    if f"{group}/{name}" not in file:
+        return math.nan
+    values = _numbers(path, file, group, name)
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if values.size else math.nan
 
 
 def read_result_map(path: Path, options: MapOptions) -> HeightMap:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,43 @@ class StructureFunction:
     pairs: FloatArray
 
 
-def radial_psd(heights: FloatArray, pitch_mm: tuple[float, float], bins: int = 0) -> RadialPsd:
-    """Power spectral density of a map [rows, columns], NaN where invalid, averaged over directions.
+@dataclass(frozen=True)
+class PowerSpectrum:
+    """Power spectral density of a map under a window.
+
+    density_mm4: [rows, columns] (mm^2 per (1/mm)^2). frequency_x_per_mm: [columns], frequency_y_per_mm: [rows], in the
+    order of numpy.fft.fftfreq. window: [rows, columns], 0 where the map is invalid. window_share: see RadialPsd.
+    """
+
+    density_mm4: FloatArray
+    frequency_x_per_mm: FloatArray
+    frequency_y_per_mm: FloatArray
+    window: FloatArray
+    window_share: float
+
+    def rings(self, bins: int = 0) -> tuple[IntArray, int]:
+        """The ring [rows, columns] of frequencies that each is in, -1 for none, and how many there are.
+
+        They are equally wide, up to the lower of the two highest frequencies. bins: default: half the shorter side.
+        """
+        rows, columns = self.density_mm4.shape
+        radius = np.hypot(self.frequency_x_per_mm[None, :], self.frequency_y_per_mm[:, None])
+        top = min(_highest(self.frequency_x_per_mm), _highest(self.frequency_y_per_mm))
+        count = bins or max(1, min(rows, columns) // 2)
+        index = np.floor(radius / top * count).astype(int)
+        return np.where((index < count) & (radius > 0), index, -1), count
+
+
+def _highest(frequencies: FloatArray) -> float:
+    """Half the rate of samples whose frequencies are numpy.fft.fftfreq's; of a single sample inf."""
+    return float(frequencies.size * abs(frequencies[1]) / 2) if frequencies.size > 1 else np.inf
+
+
+def windowed_spectrum(heights: FloatArray, pitch_mm: tuple[float, float]) -> PowerSpectrum:
+    """Power spectral density of a map [rows, columns], NaN where invalid.
 
     The window is Hann's over the bounding box of the valid pixels, 0 where they are invalid; the window's mean of the
-    heights is removed first. bins: default: half the shorter side.
+    heights is removed first.
     """
     part = _boxed(heights)
     rows, columns = part.shape
@@ -47,18 +79,25 @@ def radial_psd(heights: FloatArray, pitch_mm: tuple[float, float], bins: int = 0
     values = np.where(np.isfinite(part), part, 0.0)
     values = values - float((window * values).sum() / window.sum())
     spectrum = np.abs(np.fft.fft2(values * window)) ** 2 * (pitch_mm[0] * pitch_mm[1] / power)
-    fx, fy = np.fft.fftfreq(columns, pitch_mm[0]), np.fft.fftfreq(rows, pitch_mm[1])
-    radius = np.hypot(fx[None, :], fy[:, None]).ravel()
-    top = min(0.5 / pitch_mm[0], 0.5 / pitch_mm[1])
-    count = bins or max(1, min(rows, columns) // 2)
-    index = np.floor(radius / top * count).astype(int)
-    inside = (index < count) & (radius > 0)
+    fx, fy = (np.asarray(np.fft.fftfreq(n, p), np.float64) for n, p in zip((columns, rows), pitch_mm, strict=True))
+    return PowerSpectrum(spectrum, fx, fy, window, power / whole)
+
+
+def radial_psd(heights: FloatArray, pitch_mm: tuple[float, float], bins: int = 0) -> RadialPsd:
+    """Power spectral density of a map [rows, columns], NaN where invalid, averaged over directions.
+
+    Under the window of windowed_spectrum. bins: default: half the shorter side.
+    """
+    spectrum = windowed_spectrum(heights, pitch_mm)
+    index, count = spectrum.rings(bins)
+    radius = np.hypot(spectrum.frequency_x_per_mm[None, :], spectrum.frequency_y_per_mm[:, None])
+    inside = index >= 0
     samples = np.bincount(index[inside], minlength=count).astype(float)
-    sums = np.bincount(index[inside], spectrum.ravel()[inside], count)
+    sums = np.bincount(index[inside], spectrum.density_mm4[inside], count)
     middles = np.bincount(index[inside], radius[inside], count)
     full = samples > 0
     return RadialPsd(
-        middles[full] / samples[full], sums[full] / samples[full], samples[full], power / whole
+        middles[full] / samples[full], sums[full] / samples[full], samples[full], spectrum.window_share
     )  # fmt: skip
 
 

@@ -63,15 +63,25 @@ def zernike_fit(result: Reconstruction, order: int | None = None, pixels_per_ter
     order: the highest radial order, None: MODEL_ORDER; lower where a term would have fewer than pixels_per_term (None:
     PIXELS_PER_TERM).
     """
-    order = MODEL_ORDER if order is None else order
-    pixels_per_term = PIXELS_PER_TERM if pixels_per_term is None else pixels_per_term
-    while (order + 1) * (order + 2) // 2 * pixels_per_term > result.pixels_used and order > 1:
-        order -= 1
     radius = result.nominal.mirror.diameter_mm / 2
-    x, y = result.x_mm[result.mask] / radius, result.y_mm[result.mask] / radius
-    basis = np.stack([zernike(noll, x, y) for noll in range(1, (order + 1) * (order + 2) // 2 + 1)])
+    order = order_of_model(result.pixels_used, order, pixels_per_term)
+    basis = zernikes(order, result.x_mm[result.mask] / radius, result.y_mm[result.mask] / radius)
     apart = result.islands if result.islands is not None and result.islands.groups > 1 else None
     return smoothing_matrix(basis, None if apart is None else apart.group_map[result.mask] - 1)
+
+
+def order_of_model(pixels: int, order: int | None = None, pixels_per_term: int | None = None) -> int:
+    """The highest radial order of a model for so many pixels. order, pixels_per_term: as of zernike_fit."""
+    order = MODEL_ORDER if order is None else order
+    pixels_per_term = PIXELS_PER_TERM if pixels_per_term is None else pixels_per_term
+    while (order + 1) * (order + 2) // 2 * pixels_per_term > pixels and order > 1:
+        order -= 1
+    return order
+
+
+def zernikes(order: int, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Noll terms 1, 2, ... up to a radial order, [terms, n], at points of the unit disk [n]."""
+    return np.stack([zernike(noll, x, y) for noll in range(1, (order + 1) * (order + 2) // 2 + 1)])
 
 
 def _with_errors_of(new: ScanEstimate, old: ScanEstimate) -> ScanEstimate:
