@@ -41,9 +41,11 @@ _PUBLIC = {
     "FringeScan": "imaging.fringes",
     "FringeSet": "imaging.fringes",
     "FringeStack": "imaging.fringes",
+    "HeightMap": "formats.height_map",
     "Interrupted": "execution.checkpoint",
     "LineLight": "tracing.results.transport",
     "LineScan": "imaging.patterns",
+    "MapOptions": "formats.height_map",
     "Scene": "scene.model",
     "SceneError": "scene.validation",
     "Transport": "tracing.results.transport",
@@ -55,11 +57,13 @@ _PUBLIC = {
     "error_bars": "measurement.error_bars",
     "error_terms": "analysis.error_terms",
     "estimate_centroids": "measurement.scan_estimates",
+    "height_map": "measurement.height_map",
     "identify": "calibration.identification",
     "integrate_slopes": "maths.integration",
     "load_scene": "scene.presets",
     "measure_by": "measurement.methods",
     "noise_gain": "maths.integration",
+    "open_map": "formats.maps",
     "record": "imaging.recording",
     "reconstruct": "measurement.reconstruction",
     "refine": "measurement.refinement",
@@ -69,6 +73,7 @@ _PUBLIC = {
     "stray_light": "analysis.stray_light",
     "trace": "tracing.trace",
     "trace_paths": "tracing.trace",
+    "write_map": "formats.maps",
     "zernike": "maths.zernike.polynomials",
 }
 
@@ -84,6 +89,10 @@ if TYPE_CHECKING:
     from irtscots_cl.calibration.identification import identify as identify
     from irtscots_cl.execution.checkpoint import Checkpoints as Checkpoints
     from irtscots_cl.execution.checkpoint import Interrupted as Interrupted
+    from irtscots_cl.formats.height_map import HeightMap as HeightMap
+    from irtscots_cl.formats.height_map import MapOptions as MapOptions
+    from irtscots_cl.formats.maps import open_map as open_map
+    from irtscots_cl.formats.maps import write_map as write_map
     from irtscots_cl.imaging.fringes import FringeScan as FringeScan
     from irtscots_cl.imaging.fringes import FringeSet as FringeSet
     from irtscots_cl.imaging.fringes import FringeStack as FringeStack
@@ -93,6 +102,7 @@ if TYPE_CHECKING:
     from irtscots_cl.maths.integration import noise_gain as noise_gain
     from irtscots_cl.maths.zernike.polynomials import zernike as zernike
     from irtscots_cl.measurement.error_bars import error_bars as error_bars
+    from irtscots_cl.measurement.height_map import height_map as height_map
     from irtscots_cl.measurement.methods import measure_by as measure_by
     from irtscots_cl.measurement.pattern_design.choice import design_patterns as design_patterns
     from irtscots_cl.measurement.quality import check_images as check_images

@@ -146,7 +146,15 @@ def test_what_a_file_does_not_tell_can_be_told(irtscots, tmp_path):
         (("convert", "none.dat", "b.npz"), "none.dat: not a readable file: No such file"),
         (("map", "none.dat"), "none.dat: not a readable file: No such file"),
         (("map", "A", "--remove", "coma"), "--remove = coma: must be one of none"),
-        (("map", "A", "--unit", "nm"), None),
+        (("map", "A", "--unit", "nm"), "heights in mm, told nm: leave --unit out"),
+        (("map", "A", "--quantity", "height"), "--quantity: must be left out, a file of this format is no result"),
+        (("map", "A", "--number", "2"), "--number = 2: must be 1 to 1"),
+        (("map", "A", "--array", "z"), "has no array z: give --array, one of: heights_mm"),
+        (("map", "A", "--quantity", "slope"), "quantity = 'slope': must be one of deviation"),
+        (("map", "A", "--disk", "0"), "--disk = 0: must be a radius above 0"),
+        (("map", "A", "--disk", "1,2"), "--disk = 1,2: must be a radius above 0, or radius, x and y"),
+        (("map", "A", "--disk", "1,50,2"), "no valid pixel is on the disk"),
+        (("convert", "A", "b.dat", "--disk", "1"), "a disk is of codev-zfr and codev-zrn"),
     ],
 )
 def test_refusals_are_one_line(irtscots, letter, tmp_path, monkeypatch, arguments, said):

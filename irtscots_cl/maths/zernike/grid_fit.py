@@ -55,25 +55,27 @@ class GridFit:
         return found
 
 
-def grid_fit(u: Values, v: Values, used: NDArray[np.bool_], nolls: Sequence[int]) -> GridFit:
+def grid_fit(
+    u: Values, v: Values, used: NDArray[np.bool_], nolls: Sequence[int], most: float = MAX_INFLATION
+) -> GridFit:
     """The fit of those of the Noll terms ``nolls`` that the used pixels [rows, columns] can separate.
 
     u: [columns], v: [rows], places in units of the disk's radius, within the disk where pixels are used.
-    Raises ValueError for no term or no pixel.
+    most: inflation (fit.py) that a term may have. Raises ValueError for no term or no pixel.
     """
     nolls = sorted(set(nolls))
     if not nolls or not used.any():
         raise ValueError("a Zernike fit needs at least one term and one pixel")
     degree = noll_to_nm(nolls[-1])[0]
-    u, v = (np.where(used.any(axis=axis), places, 0.0) for axis, places in ((0, u), (1, v)))
-    wide_u, wide_v = chebvander(u, 2 * degree), chebvander(v, 2 * degree)
+    places = [np.where(used.any(axis=axis), at, 0.0).astype(np.float64) for axis, at in ((0, u), (1, v))]
+    wide_u, wide_v = (np.asarray(chebvander(at, 2 * degree), np.float64) for at in places)
     products = _products(nolls, degree)
     gram = _gram(products, wide_v.T @ used.astype(float) @ wide_u) / used.sum()
     order = [noll_to_nm(j)[0] for j in nolls]
     ends = [k for k in range(1, len(nolls) + 1) if k == len(nolls) or order[k] > order[k - 1]]
     for count in reversed(ends):
         inverse = _inverse(gram[:count, :count])
-        if np.sqrt(np.diag(inverse).max()) <= MAX_INFLATION or count == ends[0]:
+        if np.sqrt(np.diag(inverse).max()) <= most or count == ends[0]:
             break
     few = slice(0, degree + 1)
     return GridFit(
