@@ -22,7 +22,6 @@ from irtscots_cl.maths.arrays import FloatArray
 REACH = 0.75  # of the pitch, from a point of the grid to a valid pixel's
 LEAST_PIXELS = 4
 MOST_CHECKED = 300  # rows and columns whose pixels are left out in turn, to judge the interpolation
-TOLERANCE = 1e-9  # of the gradients, relative to the values
 LEAST_FITTED = 60  # points, for a polynomial of 15 terms
 DEVIATION, HEIGHT, STANDARD_ERROR = RESULT_QUANTITIES
 _PLACE = "x, y: mirror's frame, z = 0"
@@ -133,15 +132,16 @@ def _interpolated(points: FloatArray, heights: FloatArray, x: FloatArray, y: Flo
 
     middle = points.mean(axis=0)
     scale = np.abs(points - middle).max()
+    near, (u, v) = (points - middle) / scale, ((x - middle[0]) / scale, (y - middle[1]) / scale)
     degree = 4 if len(points) >= LEAST_FITTED else 0
-    basis = _monomials((points[:, 0] - middle[0]) / scale, (points[:, 1] - middle[1]) / scale, degree)
+    basis = _monomials(near[:, 0], near[:, 1], degree)
     coefficients = np.linalg.lstsq(basis, heights)[0]
     rest = heights - basis @ coefficients
     # The tolerance of its gradients is absolute below 1: what is small in its unit would come out worse.
     size = float(np.abs(rest).max()) or 1.0
-    values = CloughTocher2DInterpolator(points, rest / size, tol=TOLERANCE)(x, y) * size
-    smooth: FloatArray = _monomials((x - middle[0]) / scale, (y - middle[1]) / scale, degree) @ coefficients + values
-    return smooth
+    found: FloatArray = CloughTocher2DInterpolator(near, rest / size)(u, v) * size
+    found += _monomials(u, v, degree) @ coefficients
+    return found
 
 
 def _monomials(u: FloatArray, v: FloatArray, degree: int) -> FloatArray:
