@@ -102,3 +102,12 @@ def test_all_pixels_of_a_large_map_are_fitted():
     found = zernike_figures(heights, x, y, disk=Unit(RADIUS, 3.0, -2.0))
     assert found.fitted_pixels == np.isfinite(heights).sum() == 70681
     assert found.coefficients_mm[found.nolls.index(4)] == pytest.approx(1e-4, rel=1e-9)
+
+
+def test_slopes_of_a_sine():
+    """Differences of neighbours see sin(pi p / L) / (pi p / L) of the slope 2 pi A / L / sqrt 2, along x alone."""
+    length, amplitude, pitch = 20.0, 1e-4, 2.0
+    x, y = np.meshgrid(np.arange(201) * pitch, np.arange(5) * pitch)
+    found = figures(amplitude * np.sin(2 * np.pi * x / length), x, y, "none")
+    wanted = np.sqrt(2) * np.pi * amplitude / length * np.sinc(pitch / length)
+    assert found.slope_rms_rad == (pytest.approx(wanted, rel=1e-6), 0.0)
