@@ -57,7 +57,7 @@ _PUBLIC = {
     "error_bars": "measurement.error_bars",
     "error_terms": "analysis.error_terms",
     "estimate_centroids": "measurement.scan_estimates",
-    "height_map": "measurement.height_map",
+    "height_map": "report.height_map",
     "identify": "calibration.identification",
     "integrate_slopes": "maths.integration",
     "load_scene": "scene.presets",
@@ -102,7 +102,6 @@ if TYPE_CHECKING:
     from irtscots_cl.maths.integration import noise_gain as noise_gain
     from irtscots_cl.maths.zernike.polynomials import zernike as zernike
     from irtscots_cl.measurement.error_bars import error_bars as error_bars
-    from irtscots_cl.measurement.height_map import height_map as height_map
     from irtscots_cl.measurement.methods import measure_by as measure_by
     from irtscots_cl.measurement.pattern_design.choice import design_patterns as design_patterns
     from irtscots_cl.measurement.quality import check_images as check_images
@@ -114,6 +113,7 @@ if TYPE_CHECKING:
     from irtscots_cl.opencl.device import all_devices as all_devices
     from irtscots_cl.opencl.device import select_device as select_device
     from irtscots_cl.opencl.device import select_devices as select_devices
+    from irtscots_cl.report.height_map import height_map as height_map
     from irtscots_cl.scene.model import Scene as Scene
     from irtscots_cl.scene.presets import load_scene as load_scene
     from irtscots_cl.scene.validation import SceneError as SceneError
