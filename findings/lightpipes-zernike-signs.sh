@@ -18,10 +18,8 @@ from LightPipes import Begin, Zernike
 
 N = 65
 field = Begin(2.0, 1e-6, N)
-x, y = field.mgrid_cartesian[1] * 1.0, field.mgrid_cartesian[0] * 1.0
-x, y = (axis / np.abs(axis).max() for axis in (x, y))
-if not (np.ptp(x[0]) and np.ptp(y[:, 0])):
-    x, y = y, x
+y, x = field.mgrid_cartesian
+assert np.allclose(field.mgrid_polar[1] - np.arctan2(y, x), np.pi)
 r, t = np.hypot(x, y), np.arctan2(y, x)
 terms = {  # name: n, m, the polynomial in x = r cos t, y = r sin t
     "tilt x": (1, 1, 2 * r * np.cos(t)), "tilt y": (1, -1, 2 * r * np.sin(t)),
