@@ -46,6 +46,7 @@ _PUBLIC = {
     "LineLight": "tracing.results.transport",
     "LineScan": "imaging.patterns",
     "MirrorMap": "scene.height_map",
+    "MapOptions": "formats.height_map",
     "Scene": "scene.model",
     "SceneError": "scene.validation",
     "Transport": "tracing.results.transport",
@@ -57,11 +58,13 @@ _PUBLIC = {
     "error_bars": "measurement.error_bars",
     "error_terms": "analysis.error_terms",
     "estimate_centroids": "measurement.scan_estimates",
+    "height_map": "report.height_map",
     "identify": "calibration.identification",
     "integrate_slopes": "maths.integration",
     "load_scene": "scene.presets",
     "measure_by": "measurement.methods",
     "noise_gain": "maths.integration",
+    "open_map": "formats.maps",
     "record": "imaging.recording",
     "reconstruct": "measurement.reconstruction",
     "refine": "measurement.refinement",
@@ -71,6 +74,7 @@ _PUBLIC = {
     "stray_light": "analysis.stray_light",
     "trace": "tracing.trace",
     "trace_paths": "tracing.trace",
+    "write_map": "formats.maps",
     "zernike": "maths.zernike.polynomials",
 }
 
@@ -87,6 +91,9 @@ if TYPE_CHECKING:
     from irtscots_cl.execution.checkpoint import Checkpoints as Checkpoints
     from irtscots_cl.execution.checkpoint import Interrupted as Interrupted
     from irtscots_cl.formats.height_map import HeightMap as HeightMap
+    from irtscots_cl.formats.height_map import MapOptions as MapOptions
+    from irtscots_cl.formats.maps import open_map as open_map
+    from irtscots_cl.formats.maps import write_map as write_map
     from irtscots_cl.imaging.fringes import FringeScan as FringeScan
     from irtscots_cl.imaging.fringes import FringeSet as FringeSet
     from irtscots_cl.imaging.fringes import FringeStack as FringeStack
@@ -107,6 +114,7 @@ if TYPE_CHECKING:
     from irtscots_cl.opencl.device import all_devices as all_devices
     from irtscots_cl.opencl.device import select_device as select_device
     from irtscots_cl.opencl.device import select_devices as select_devices
+    from irtscots_cl.report.height_map import height_map as height_map
     from irtscots_cl.scene.height_map import MirrorMap as MirrorMap
     from irtscots_cl.scene.model import Scene as Scene
     from irtscots_cl.scene.presets import load_scene as load_scene

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 from irtscots_cl.cli.common import command, print_json
-from irtscots_cl.cli.map_options import FORMATS_READ, add_map_options, described, map_facts, read_map
+from irtscots_cl.cli.map_options import FORMATS_READ, add_map_options, described, disk_of, map_facts, read_map
 
 
 def add(commands) -> None:
@@ -69,8 +68,9 @@ def _execute(options: argparse.Namespace) -> int:
     for _ in range(options.rotate % 4):
         height_map = height_map.rotated()
     if options.negate:
-        height_map = replace(height_map, heights_mm=-height_map.heights_mm)
-    notes = write_map(options.target, height_map, form, unit=options.to_unit, terms=options.terms)
+        height_map = height_map.negated()
+    disk = disk_of(options, height_map)
+    notes = write_map(options.target, height_map, form, unit=options.to_unit, terms=options.terms, disk=disk)
     if options.json:
         print_json({**map_facts(height_map), "written": str(options.target), "format": form, "notes": list(notes)})
         return 0

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from irtscots_cl.cli.common import command, print_json, print_tables
-from irtscots_cl.cli.map_options import FORMATS_READ, add_map_options, described, map_facts, read_map
+from irtscots_cl.cli.map_options import FORMATS_READ, add_map_options, described, disk_of, map_facts, read_map
 
 if TYPE_CHECKING:
     from irtscots_cl.formats.height_map import HeightMap
@@ -54,7 +54,7 @@ def _execute(options: argparse.Namespace) -> int:
     try:
         turns = all_figures(height_map.heights_mm, x, y)
         chosen = figures(height_map.heights_mm, x, y, options.remove)
-        zernike = zernike_figures(height_map.heights_mm, x, y, options.remove)
+        zernike = zernike_figures(height_map.heights_mm, x, y, options.remove, disk_of(options, height_map))
         spectrum = _spectrum(height_map, _left(height_map, x, y, options.remove)) if options.spectrum else {}
     except ValueError as error:
         raise ValueError(f"{options.file}: {error}") from None
@@ -66,6 +66,8 @@ def _execute(options: argparse.Namespace) -> int:
         print_json(plain(facts))
         return 0
     print(f"{options.file}: {described(height_map)}, from {height_map.origin}")
+    for line in height_map.comment:
+        print(f"  {line}")
     _print(facts)
     return 0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from irtscots_cl.cli.common import warn
 
 if TYPE_CHECKING:
     from irtscots_cl.formats.height_map import HeightMap, MapOptions
+    from irtscots_cl.maths.map_figures import Unit
 
 FORMATS_READ = (
     "MetroPro .dat, DATX, CODE V .int, Zemax grid sag .DAT, FITS, TIFF, CSV, XYZ, NPZ, NPY, SDF or X3P, told by its "
@@ -34,6 +36,17 @@ def add_map_options(
         "--holds",
         metavar="K",
         help="surface or wavefront: what the file's heights are, where it does not tell or only its scale factor does",
+    )
+    parser.add_argument("--number", type=int, metavar="N", help="which map of a file with several, from 1")
+    parser.add_argument("--array", metavar="NAME", help="array of an NPZ file that is not this program's; needs --unit")
+    parser.add_argument(
+        "--quantity", metavar="Q", help="of a result.h5: deviation (default), height or standard-error (of the height)"
+    )
+    parser.add_argument(
+        "--disk",
+        metavar="R[,X,Y]",
+        help="disk of the Zernike terms: radius and centre in mm, or in pixels from the map's middle where the lateral "
+        "scale is unknown; default: the smallest one about the valid pixels' middle that holds them whole",
     )
     kind = parser.add_mutually_exclusive_group()
     for name, text in (("surface", "half of a wavefront's"), ("wavefront", "twice a surface's")):
@@ -60,7 +73,10 @@ def told_of_map(options: argparse.Namespace) -> MapOptions:
     """What the options tell of a file."""
     from irtscots_cl.formats.height_map import MapOptions
 
-    return MapOptions(options.unit, _pitch(options.pitch_mm), options.wavelength_nm, options.holds)
+    return MapOptions(
+        options.unit, _pitch(options.pitch_mm), options.wavelength_nm, options.holds, options.number, options.array,
+        options.quantity,
+    )  # fmt: skip
 
 
 def _pitch(text: str | None) -> tuple[float, float] | None:
@@ -75,6 +91,22 @@ def _pitch(text: str | None) -> tuple[float, float] | None:
     return numbers[0], numbers[-1]
 
 
+def disk_of(options: argparse.Namespace, height_map: HeightMap) -> Unit | None:
+    """The disk of --disk; None without. Raises ValueError for what is none."""
+    if options.disk is None:
+        return None
+    from irtscots_cl.maths.map_figures import Unit
+
+    try:
+        numbers = [float(word) for word in options.disk.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (1, 3) or not all(map(math.isfinite, numbers)) or numbers[0] <= 0:
+        raise ValueError(f"--disk = {options.disk}: must be a radius above 0, or radius, x and y with commas between")
+    x, y = numbers[1:] if len(numbers) == 3 else height_map.centre_mm
+    return Unit(numbers[0], x, y)
+
+
 def map_facts(height_map: HeightMap) -> dict[str, object]:
     """What a map is, for JSON."""
     rows, columns = height_map.heights_mm.shape
@@ -86,6 +118,7 @@ def map_facts(height_map: HeightMap) -> dict[str, object]:
         "pitch_mm": None if height_map.pitch_mm is None else list(height_map.pitch_mm),
         "wavelength_nm": height_map.wavelength_nm,
         "kind": height_map.kind,
+        "comment": list(height_map.comment),
         "warnings": list(height_map.warnings),
     }
 

@@ -18,6 +18,7 @@ from irtscots_cl.cli.common import (
     warn,
     warn_of,
 )
+from irtscots_cl.cli.exporting import add_export, export, export_targets, print_exported
 from irtscots_cl.scene.presets import load_scene
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ def add(commands) -> None:
         help="with a folder as --scene: the display file to use; default: the folder's most complete one",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME-measured")
+    add_export(parser)
     _add_image_choices(parser)
     parser.add_argument("--strict", action="store_true", help="refuse doubtful images too, with exit code 2")
     add_camera_files(parser)
@@ -93,6 +95,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.formats.sofast import is_sofast_measurement
     from irtscots_cl.imaging.fringe_images import is_fringe_input
 
+    export_targets(options)
     if not 0 <= options.threshold < 1:
         raise ValueError(f"--threshold = {options.threshold}: must be at least 0 and below 1")
     if options.manifest is not None or is_fringe_input(options.images, SUFFIXES):
@@ -225,9 +228,11 @@ def _tell(options: argparse.Namespace, facts: MeasuredFacts, folder: Path) -> in
     warn_of(facts["checks"])
     for line in cautions(facts):
         warn(line)
+    exported = export(folder, export_targets(options))
     if options.json:
-        print_json(plain(facts))
+        print_json(plain({**facts, **exported}))
     else:
         print_tables(measurement_tables(facts))
         print(f"results in {folder}")
+        print_exported(exported)
     return 0

@@ -30,6 +30,7 @@ from irtscots_cl.cli.common import (
     warn,
     warn_of,
 )
+from irtscots_cl.cli.exporting import add_export, export, export_targets, print_exported
 from irtscots_cl.cli.keeping import add_resume, keeping
 from irtscots_cl.cli.progress import Progress, add_quiet
 
@@ -48,6 +49,7 @@ def add(commands) -> None:
     )
     add_scene(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME")
+    add_export(parser)
     add_trace_choices(parser, DEVICES_HELP)
     parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
     add_measure(parser, default=f"paper, and {LAB_MEASURE} with camera noise")
@@ -100,6 +102,7 @@ def _execute(options: argparse.Namespace) -> int:
 
     given = choices(options, DEFAULTS) | choices(options, RAYS)
     given |= choices(options, PATH_CHOICES)
+    targets = export_targets(options)
     _check(options, DEFAULTS | RAYS | given)
     setup = visible_setup(options.scene, options.noise)
     scene = setup.scene
@@ -118,6 +121,7 @@ def _execute(options: argparse.Namespace) -> int:
             run = _reach(setup, options, given)
         write_run(run, folder)
         keeper.remove()
+    exported = export(folder, targets)
     from irtscots_cl.report.tables import cautions, summary_tables
 
     for line in run.report["warnings"]:
@@ -128,10 +132,11 @@ def _execute(options: argparse.Namespace) -> int:
     if options.json:
         from irtscots_cl.system.atomic_files import plain
 
-        print_json(plain(run.report))
+        print_json(plain(run.report | exported))
     else:
         print_tables(summary_tables(run.report))
         print(f"results in {folder}")
+        print_exported(exported)
     return 0
 
 

@@ -18,10 +18,19 @@ import numpy as np
 from irtscots_cl.formats.codev_zernike import DEFAULT_SAMPLES, NAMES, Disk, fitted, samples_of
 from irtscots_cl.formats.frames import check_size, reading
 from irtscots_cl.formats.height_map import SURFACE, WAVEFRONT, Findings, HeightMap, MapOptions
-from irtscots_cl.formats.text_numbers import cut_off, line_of, number, numbers, opened_text, short, whole_number
+from irtscots_cl.formats.text_numbers import (
+    comment_lines,
+    cut_off,
+    line_of,
+    number,
+    numbers,
+    opened_text,
+    short,
+    whole_number,
+)
 from irtscots_cl.formats.zygo_dat import writable_wavelength
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.system.atomic_files import write_text
+from irtscots_cl.system.atomic_files import replacing, write_text
 
 KINDS = {"SUR": SURFACE, "WFR": WAVEFRONT}
 OTHER_KINDS = ("FIL", "THV", "BIR", "CAO", "APO")
@@ -30,6 +39,7 @@ WRITTEN_NO_DATA = -32768
 MOST = 32766  # of a value that is written
 PER_LINE = 10
 MAX_SIDE = 2**16
+MAX_COMMENT_LINES = 1000
 
 
 @dataclass
@@ -44,6 +54,7 @@ class _Header:
     ssz: float | None = None
     no_data: int | None = None
     x_scale: float = 1.0
+    comment: tuple[str, ...] = ()
 
 
 def is_codev_int(path: Path) -> bool:
@@ -76,16 +87,23 @@ def read_codev_int(path: Path, options: MapOptions) -> HeightMap:
         unit_mm = wavelength * 1e-6 / _scale(header, found)
         if header.x_scale != 1:
             found.warnings.append(f"XSC = {header.x_scale:g}: pixels are not square; give both pitches")
-    return found.build(values, "CODE V", unit_mm, pitch_mm=found.pitch_mm(None), wavelength_nm=wavelength, kind=kind)
+    return found.build(
+        values, "CODE V", unit_mm, pitch_mm=found.pitch_mm(None), wavelength_nm=wavelength, kind=kind,
+        comment=comment_lines(header.comment),
+    )  # fmt: skip
 
 
 def _header(file: IO[str], found: Findings) -> _Header:
     where = found.where
     line, number_of = line_of(file, where, 1), 1
+    comment = []
     while line.startswith("!"):
         number_of += 1
+        comment.append(line[1:200])
         line = line_of(file, where, number_of)
-    header = _Header(short(line))
+        if number_of > MAX_COMMENT_LINES:
+            raise ValueError(f"{where}: more than {MAX_COMMENT_LINES} lines of comment")
+    header = _Header(short(line), comment=tuple(comment))
     words = line_of(file, where, number_of + 1).upper().split()
     k = 0
     while k < len(words):
@@ -192,9 +210,11 @@ def write_codev_grid(path: Path, height_map: HeightMap) -> tuple[str, ...]:
     values = np.where(np.isfinite(waves), np.rint(waves * ssz), WRITTEN_NO_DATA).astype(int).ravel()
     kind = "SUR" if height_map.kind == SURFACE else "WFR"
     head = f"GRD {columns} {rows} {kind} WVL {wavelength * 1e-3:.10g} SSZ {ssz:.9g} NDA {WRITTEN_NO_DATA}"
-    lines = ["Height map written by irtscots-cl", head]
-    lines += [" ".join(map(str, values[k : k + PER_LINE])) for k in range(0, len(values), PER_LINE)]
-    write_text(path, "\r\n".join(lines) + "\r\n")  # some readers need CRLF
+    lines = [*(f"! {line}" for line in height_map.comment), "Height map written by irtscots-cl", head]
+    with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="\r\n") as file:
+        file.writelines(f"{line}\n" for line in lines)  # some readers need CRLF
+        for k in range(0, len(values), PER_LINE):
+            file.write(" ".join(map(str, values[k : k + PER_LINE].tolist())) + "\n")
     quantum = wavelength / ssz
     return (*notes, f"heights are rounded to {quantum:.3g} nm", "a CODE V file holds no lateral scale")
 
@@ -211,7 +231,11 @@ def write_codev_zernike(
     rows = height_map.heights_mm.shape[0]
     said = f"disk of radius {disk.radius:.6g} pixels about row {disk.row:.6g}, column {disk.column:.6g}, from 0"
     kind = "SUR" if height_map.kind == SURFACE else "WFR"
-    lines = [f"! {said} (row 0 at the bottom, {rows} rows)", "Zernike coefficients written by irtscots-cl"]
+    lines = [
+        *(f"! {line}" for line in height_map.comment),
+        f"! {said} (row 0 at the bottom, {rows} rows)",
+        "Zernike coefficients written by irtscots-cl",
+    ]
     lines += [f"{name} {count} {kind} WVL {wavelength * 1e-3:.10g} SSZ 1.0"]
     lines += [f"{value / (wavelength * 1e-6):.15g}" for value in coefficients]
     write_text(path, "\r\n".join(lines) + "\r\n")

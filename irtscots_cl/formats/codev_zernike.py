@@ -14,13 +14,15 @@ from numpy.typing import ArrayLike
 
 from irtscots_cl.formats.height_map import HeightMap
 from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.map_figures import Unit
+from irtscots_cl.maths.zernike.grid_fit import grid_fit
 from irtscots_cl.maths.zernike.indices import fringe_to_nm, nm_to_noll
 from irtscots_cl.maths.zernike.polynomials import normalisation, zernike
 
 NAMES = {"ZFR": "fringe", "ZRN": "standard"}
 DEFAULT_SAMPLES = 255
 MAX_TERMS = 120
-MAX_CONDITION = 1e6  # of the terms' values at the pixels
+MAX_INFLATION = 1e4  # of a term's error over that on a whole disk
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,14 @@ def enclosing_disk(height_map: HeightMap) -> Disk:
     return Disk(float(np.hypot(rows - row, columns - column).max()) + 0.5, float(row), float(column))
 
 
+def disk_in_pixels(height_map: HeightMap, disk: Unit) -> Disk:
+    """A disk in mm on the map's pixels; one in pixels from the map's middle where the pitch is unknown."""
+    pitch = 1.0 if height_map.pitch_mm is None else height_map.pitch_mm[0]
+    rows, columns = height_map.heights_mm.shape
+    x, y = ((at - middle) / pitch for at, middle in zip((disk.x_mm, disk.y_mm), height_map.centre_mm, strict=True))
+    return Disk(disk.radius_mm / pitch, (rows - 1) / 2 + y, (columns - 1) / 2 + x)
+
+
 def fitted(
     where: str, name: str, height_map: HeightMap, count: int, disk: Disk | None
 ) -> tuple[FloatArray, Disk, float]:
@@ -87,16 +97,18 @@ def fitted(
     if height_map.pitch_mm and abs(height_map.pitch_mm[0] / height_map.pitch_mm[1] - 1) > 1e-9:
         raise ValueError(f"{where}: pixels that are not square: a Zernike fit needs square ones")
     disk = disk or enclosing_disk(height_map)
-    rows, columns = np.nonzero(height_map.valid)
-    x, y = ((at - middle) / disk.radius for at, middle in ((columns, disk.column), (rows, disk.row)))
-    inside = x * x + y * y <= 1 + 1e-12
-    values = height_map.heights_mm[rows, columns][inside]
-    basis = terms(name, count, x[inside], y[inside]).T
-    solution = np.linalg.lstsq(basis, values) if len(values) >= count else None
-    if solution is None or solution[3][-1] * MAX_CONDITION < solution[3][0]:
-        raise ValueError(
-            f"{where}: {len(values)} pixels on the disk cannot separate {count} Zernike terms: ask for fewer"
-        )
-    found = np.asarray(solution[0], np.float64)
-    rest = values - basis @ found
+    rows, columns = height_map.heights_mm.shape
+    u = np.asarray((np.arange(columns) - disk.column) / disk.radius, np.float64)
+    v = np.asarray((np.arange(rows) - disk.row) / disk.radius, np.float64)
+    inside = height_map.valid & (u[None, :] ** 2 + v[:, None] ** 2 <= 1 + 1e-12)
+    pairs = [term_nm(name, number) for number in range(1, count + 1)]
+    nolls = [nm_to_noll(n, m) for n, m in pairs]
+    pixels = int(inside.sum())
+    fit = grid_fit(u, v, inside, nolls, MAX_INFLATION) if pixels >= count else None
+    if fit is None or fit.dropped:
+        raise ValueError(f"{where}: {pixels} pixels on the disk cannot separate {count} Zernike terms: ask for fewer")
+    of_noll = fit.coefficients(height_map.heights_mm)
+    rest = (height_map.heights_mm - fit.values(of_noll))[inside]
+    by_noll = dict(zip(fit.nolls, of_noll, strict=True))
+    found = np.array([by_noll[j] * normalisation(n, m) for j, (n, m) in zip(nolls, pairs, strict=True)])
     return found, disk, float(np.sqrt(np.mean(rest**2)))

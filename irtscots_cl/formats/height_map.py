@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from irtscots_cl.formats.text_numbers import comment_lines
 from irtscots_cl.maths.arrays import FloatArray
 
 SURFACE, WAVEFRONT = "surface", "wavefront"
@@ -20,6 +21,7 @@ KINDS = (SURFACE, WAVEFRONT)
 WAVEFRONT_FACTOR = 2.0  # a wavefront's error over that of the surface which reflects it once, at normal incidence
 UNIT_MM = {"m": 1e3, "cm": 10.0, "in": 25.4, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
 UNITS = (*UNIT_MM, "wave")
+RESULT_QUANTITIES = ("deviation", "height", "standard-error")
 FLIPS = ("x", "y", "xy")
 MAX_HEIGHT_MM = 1e6
 MAX_PITCH_MM = 1e6
@@ -46,7 +48,7 @@ class HeightMap:
     "wavefront" for the wavefront's error, twice the surface's. centre_mm: (x, y) of the middle of the map. origin: the
     format and file it comes from. warnings: what the file leaves open or what was taken for granted, one line each.
     intensity: [frames, rows, columns], of the same pixels, NaN where the camera's frame has none. camera: the map's
-    place in the camera's frame, where the file tells it.
+    place in the camera's frame, where the file tells it. comment: what the heights are, in lines of plain text.
 
     Raises ValueError, with one line, for what no map can be.
     """
@@ -60,6 +62,7 @@ class HeightMap:
     warnings: tuple[str, ...] = ()
     intensity: NDArray[Any] | None = field(default=None, repr=False)
     camera: CameraPlace | None = None
+    comment: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         heights = np.asarray(self.heights_mm, dtype=np.float64)
@@ -80,6 +83,7 @@ class HeightMap:
             raise ValueError(f"wavelength of {self.wavelength_nm:g} nm: must be {least:g} to {most:g}")
         if not all(abs(place) <= 1e9 for place in self.centre_mm):
             raise ValueError(f"centre at {self.centre_mm} mm: must be within 1e9")
+        object.__setattr__(self, "comment", comment_lines(self.comment))
         if self.intensity is not None and self.intensity.shape[1:] != heights.shape:
             raise ValueError(f"intensity of shape {list(self.intensity.shape)}: must be [frames, rows, columns]")
 
@@ -105,7 +109,11 @@ class HeightMap:
         if kind == self.kind:
             return self
         factor = WAVEFRONT_FACTOR if kind == WAVEFRONT else 1 / WAVEFRONT_FACTOR
-        return replace(self, heights_mm=self.heights_mm * factor, kind=kind)
+        return replace(self, heights_mm=self.heights_mm * factor, kind=kind, comment=self._said(f"now a {kind}"))
+
+    def negated(self) -> HeightMap:
+        """The map with its heights turned over."""
+        return replace(self, heights_mm=-self.heights_mm, comment=self._said("heights turned over"))
 
     def flipped(self, axes: str) -> HeightMap:
         """The map mirrored: "x" turns left and right over, "y" top and bottom, "xy" both (half a turn).
@@ -116,15 +124,19 @@ class HeightMap:
             raise ValueError(f"flip = {axes!r}: must be one of {', '.join(FLIPS)}")
         steps = (-1 if "y" in axes else 1, -1 if "x" in axes else 1)
         centre = (self.centre_mm[0] * steps[1] + 0.0, self.centre_mm[1] * steps[0] + 0.0)  # no -0.0
-        return self._turned(lambda a: a[..., :: steps[0], :: steps[1]], self.pitch_mm, centre)
+        turn = replace(self, comment=self._said(f"mirrored: {axes}"))._turned
+        return turn(lambda a: a[..., :: steps[0], :: steps[1]], self.pitch_mm, centre)
 
     def rotated(self) -> HeightMap:
         """The map turned by a quarter, counterclockwise as seen with x to the right and y up."""
         pitch = None if self.pitch_mm is None else self.pitch_mm[::-1]
         # (x, y) goes to (-y, x): the columns of the new map are the old rows, from the last to the first
-        return self._turned(
-            lambda a: a.swapaxes(-2, -1)[..., ::-1], pitch, (0.0 - self.centre_mm[1], self.centre_mm[0])
-        )
+        turn = replace(self, comment=self._said("turned by a quarter"))._turned
+        return turn(lambda a: a.swapaxes(-2, -1)[..., ::-1], pitch, (0.0 - self.centre_mm[1], self.centre_mm[0]))
+
+    def _said(self, done: str) -> tuple[str, ...]:
+        """The comment with what was done to the map since; none where there is none."""
+        return (*self.comment, done) if self.comment else ()
 
     def _turned(self, turn: Any, pitch: tuple[float, float] | None, centre: tuple[float, float]) -> HeightMap:
         intensity = None if self.intensity is None else np.ascontiguousarray(turn(self.intensity))
@@ -141,15 +153,21 @@ class MapOptions:
     unit: of its heights, one of UNITS. pitch_mm: between its pixels, (x, y). wavelength_nm. kind: "surface" or
     "wavefront". A value that the file tells itself, and otherwise, is refused, except the pitch: lateral scales in
     files are often those of another set-up, so the one given here replaces it, with a warning.
+
+    number: which of a file's maps, from 1. array: of an NPZ file, the name of its array; the unit is to be told.
+    quantity: of a result of this program: "deviation" (None), "height" or "standard-error".
     """
 
     unit: str | None = None
     pitch_mm: tuple[float, float] | None = None
     wavelength_nm: float | None = None
     kind: str | None = None
+    number: int | None = None
+    array: str | None = None
+    quantity: str | None = None
 
     def __post_init__(self) -> None:
-        for name, allowed in (("unit", UNITS), ("kind", KINDS)):
+        for name, allowed in (("unit", UNITS), ("kind", KINDS), ("quantity", RESULT_QUANTITIES)):
             value = getattr(self, name)
             if value is not None and value not in allowed:
                 raise ValueError(f"{name} = {value!r}: must be one of {', '.join(allowed)}")
@@ -224,6 +242,15 @@ class Findings:
         if not found and not told:
             self.warnings.append("the file does not tell surface from wavefront: taken as a surface")
         return found or told or SURFACE
+
+    def chosen(self, count: int, what: str) -> int:
+        """The number, from 0, of the map to read of `count` in the file. Raises ValueError where none is chosen."""
+        number = self.told.number
+        if number is None and count != 1:
+            raise ValueError(f"{self.where}: {count} {what}: a map is one; give --number, from 1 to {count}")
+        if not 1 <= (number or 1) <= count:
+            raise ValueError(f"{self.where}: --number = {number}: must be 1 to {count}")
+        return (number or 1) - 1
 
     def heights(self, values: FloatArray) -> FloatArray:
         """Heights without infinite ones. Raises ValueError if none is valid."""

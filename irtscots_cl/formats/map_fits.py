@@ -14,17 +14,17 @@ import numpy as np
 from irtscots_cl.formats.fits import open_fits
 from irtscots_cl.formats.frames import ReadOptions, reading
 from irtscots_cl.formats.height_map import UNIT_MM, Findings, HeightMap, MapOptions, unit_named
+from irtscots_cl.formats.text_numbers import comment_lines
 from irtscots_cl.system.atomic_files import replacing
 
 
 def read_map_fits(path: Path, options: MapOptions) -> HeightMap:
-    """The map of a FITS file's only image. Raises ValueError, with one line, for what cannot be read."""
+    """The map of a FITS file's image, its only one or the one told. Raises ValueError, with one line, if it cannot."""
     found = Findings(str(path), options)
     file = open_fits(path, ReadOptions())
-    if file.count != 1:
-        raise ValueError(f"{path}: {file.count} images: a map is one; extract it")
+    number = found.chosen(file.count, "images")
     found.warnings += [note for note in file.notes if "bottom-up" not in note and "top-down" not in note]
-    heights = np.asarray(file.read(0), float)[::-1]
+    heights = np.asarray(file.read(number), float)[::-1]
     with reading(path, "FITS"):
         header = _header(path)
         wavelength = found.wavelength_nm(_number(header, "WAVELEN"))
@@ -45,6 +45,7 @@ def read_map_fits(path: Path, options: MapOptions) -> HeightMap:
         wavelength_nm=wavelength,
         kind=found.kind(kind),
         centre_mm=centre,
+        comment=comment_lines(map(str, header.get("COMMENT", ()))),
     )
 
 
@@ -89,6 +90,8 @@ def write_map_fits(path: Path, height_map: HeightMap, unit: str = "mm") -> tuple
         raise ValueError(f"{path}: a FITS file needs astropy: pip install irtscots-cl[fits]") from None
     image = fits.PrimaryHDU(height_map.heights_mm / UNIT_MM[unit])
     image.header["BUNIT"] = (unit, "unit of the heights")
+    for line in height_map.comment:
+        image.header.add_comment(line)
     image.header["ROWORDER"] = ("BOTTOM-UP", "first row: smallest y")
     image.header["MAPKIND"] = (height_map.kind.upper(), "a wavefront is twice the surface")
     if height_map.wavelength_nm is not None:

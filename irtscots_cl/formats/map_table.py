@@ -1,14 +1,17 @@
 """Height maps as text: a table of heights (CSV), or lines of x, y and height (XYZ).
 
 Values are separated by commas, semicolons, tabs or spaces; decimals have a point. Lines that begin with # are
-comments; those of the form `# key = value` tell unit, pitch_mm, wavelength_nm, kind, centre_mm. A table's first row is
-the top one, as a spreadsheet or an image shows it; `# first_row = bottom` says otherwise. Missing heights are NaN,
-empty, or left out of an XYZ file, whose size then is in `# shape = rows, columns`.
+comments; those of the form `# key = value` or `# key: value` tell unit, pitch_mm, wavelength_nm, kind,
+centre_mm. A table's first row is the top one, as a spreadsheet or an image shows it; `# first_row = bottom` says
+otherwise. Missing heights are NaN, empty, or left out of an XYZ file, whose size then is in `# shape = rows, columns`.
 """
 
 from __future__ import annotations
 
+import re
+from array import array
 from collections.abc import Iterator
+from difflib import get_close_matches
 from pathlib import Path
 from typing import IO
 
@@ -17,12 +20,15 @@ from numpy.typing import NDArray
 
 from irtscots_cl.formats.frames import MAX_FRAME_VALUES, check_size, reading
 from irtscots_cl.formats.height_map import KINDS, UNIT_MM, Findings, HeightMap, MapOptions, unit_named
-from irtscots_cl.formats.text_numbers import cut_off, line_of, number, opened_text, short
+from irtscots_cl.formats.text_numbers import comment_lines, cut_off, line_of, number, opened_text, short
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.system.atomic_files import replacing
 
 MISSING = dict.fromkeys(("", "nan", "-nan", "na", "n/a", "bad", "none", "null", "no data", "nodata", "--"), np.nan)
 KEYS = ("unit", "pitch_mm", "wavelength_nm", "kind", "centre_mm", "first_row", "columns", "shape")
+COMMENT = ""  # what is no key
+MAX_COMMENT = 4000
+MAX_WARNINGS = 20
 NOISE_JUMP = 50.0  # from steps that are noise on equal places to steps of a grid
 GRID_TOLERANCE = 0.1  # of the pitch, that places of an XYZ file may be off their grid: noise, few decimals
 
@@ -51,7 +57,8 @@ def read_map_table(path: Path, options: MapOptions) -> HeightMap:
     with reading(path, "CSV"), opened_text(path) as file:
         said: dict[str, str] = {}
         found.warnings += cut_off(path)
-        table = _rows(file, str(path), said)
+        table = _rows(file, str(path), said, found)
+        _no_numbering(table, str(path))
         wavelength = found.wavelength_nm(_numbers_said(said, "wavelength_nm", 1, found)[0])
         unit_mm = found.unit_mm(_unit_said(said, found), wavelength)
         kind = said.get("kind")
@@ -73,6 +80,7 @@ def read_map_table(path: Path, options: MapOptions) -> HeightMap:
         wavelength_nm=wavelength,
         kind=found.kind(kind),
         centre_mm=middle or (0.0, 0.0),
+        comment=comment_lines(said.get(COMMENT, "").splitlines()),
     )
 
 
@@ -86,32 +94,54 @@ def _split(line: str, separator: str | None) -> list[str]:
     return [word.strip() for word in words]
 
 
-def _rows(file: IO[str], where: str, said: dict[str, str]) -> FloatArray:
+def _rows(file: IO[str], where: str, said: dict[str, str], found: Findings) -> FloatArray:
     """All rows of numbers [rows, columns]; what the comments say goes into `said`."""
-    rows: list[FloatArray] = []
+    values = array("d")  # of all rows: no array of its own for each
+    width = 0
     separator: str | None = None
-    total = 0
     for at, line in enumerate(_lines(file, where), 1):
         if line.startswith("#"):
-            key, equals, value = line[1:200].partition("=")
-            if equals and key.strip() in KEYS:
-                said[key.strip()] = value.strip().lower()
+            _take_in(line, said, found)
             continue
         if not line.strip():
             continue
-        separator = separator if rows else _separator(line)
+        separator = separator if width else _separator(line)
         words = _split(line, separator)
-        if separator is not None and len(words) > 1 and not words[-1] and (not rows or len(words) - 1 == len(rows[0])):
+        if separator is not None and len(words) > 1 and not words[-1] and width in (0, len(words) - 1):
             words.pop()  # a separator at the end of the line
-        if rows and len(words) != len(rows[0]):
-            raise ValueError(f"{where}: line {at}: {len(words)} values; the first row has {len(rows[0])}")
-        rows.append(np.array([number(word, f"{where}: line {at}", MISSING) for word in words]))
-        total += len(words)
-        if total > MAX_FRAME_VALUES:
+        width = width or len(words)
+        if len(words) != width:
+            raise ValueError(f"{where}: line {at}: {len(words)} values; the first row has {width}")
+        values.extend(number(word, f"{where}: line {at}", MISSING) for word in words)
+        if len(values) > MAX_FRAME_VALUES:
             raise ValueError(f"{where}: more than {MAX_FRAME_VALUES} values")
-    if not rows:
+    if not values:
         raise ValueError(f"{where}: holds no numbers")
-    return np.stack(rows)
+    return np.frombuffer(values).reshape(-1, width)
+
+
+def _no_numbering(table: FloatArray, where: str) -> None:
+    """Refuse a table whose first row and column only count, as programs for tables write them beside the values."""
+    if min(table.shape) < 2:
+        return
+    across, down = table[0, 1:], table[1:, 0]
+    if np.isnan(table[0, 0]) and all((line == line[0] + np.arange(len(line))).all() for line in (across, down)):
+        raise ValueError(f"{where}: its first row and column number the others: save it without them (index, header)")
+
+
+def _take_in(line: str, said: dict[str, str], found: Findings) -> None:
+    """What a comment line tells: `# key = value`, or text."""
+    key, mark, value = re.match(r"([^=:]*)([=:]?)(.*)", line[1:200].strip("\r\n")).groups()  # type: ignore[union-attr]
+    name = key.strip().lower()
+    if mark and name in KEYS:
+        said[name] = value.strip().lower()
+        return
+    near = get_close_matches(name, KEYS, 1, 0.7) if mark and len(name) < 20 else []
+    if near and len(found.warnings) < MAX_WARNINGS:
+        found.warnings.append(f"{short(line)!r} is not used: is {near[0]} meant?")
+    if len(said.get(COMMENT, "")) < MAX_COMMENT:
+        text = value if mark and name == "comment" else line[1:200]
+        said[COMMENT] = said.get(COMMENT, "") + text.strip() + "\n"
 
 
 def _lines(file: IO[str], where: str) -> Iterator[str]:
@@ -223,7 +253,8 @@ def _comments(height_map: HeightMap, unit: str) -> list[str]:
         lines.append(f"# wavelength_nm = {height_map.wavelength_nm!r}")
     if height_map.pitch_mm is not None:
         lines.append("# pitch_mm = {!r}, {!r}".format(*height_map.pitch_mm))
-    return [*lines, "# centre_mm = {!r}, {!r}".format(*height_map.centre_mm)]
+    lines.append("# centre_mm = {!r}, {!r}".format(*height_map.centre_mm))
+    return lines + [f"# comment: {line}" for line in height_map.comment]
 
 
 def write_map_csv(path: Path, height_map: HeightMap, unit: str = "nm") -> tuple[str, ...]:
@@ -245,7 +276,6 @@ def write_map_xyz(path: Path, height_map: HeightMap, unit: str = "nm") -> tuple[
         raise ValueError(f"{path}: an XYZ file needs a lateral scale, which the map does not have: give --pitch-mm")
     x, y = height_map.positions_mm()
     good = height_map.valid
-    heights = height_map.heights_mm[good] / UNIT_MM[unit]
     lines = [
         *_comments(height_map, unit),
         "# shape = {}, {}".format(*good.shape),
@@ -253,6 +283,9 @@ def write_map_xyz(path: Path, height_map: HeightMap, unit: str = "nm") -> tuple[
     ]
     with replacing(path) as temporary, open(temporary, "w", encoding="ascii") as file:
         file.write("\n".join(lines) + "\n")
-        for line in zip(x[good].tolist(), y[good].tolist(), heights.tolist(), strict=True):
-            file.write("{!r} {!r} {!r}\n".format(*line))
+        for row, used in enumerate(good):
+            heights = height_map.heights_mm[row, used] / UNIT_MM[unit]
+            beside = f" {y[row, 0].item()!r} "
+            pairs = zip(x[row, used].tolist(), heights.tolist(), strict=True)
+            file.writelines(f"{at!r}{beside}{height!r}\n" for at, height in pairs)
     return ()

@@ -14,6 +14,7 @@ import numpy as np
 
 from irtscots_cl.formats.frames import ReadOptions, reading
 from irtscots_cl.formats.height_map import KINDS, UNIT_MM, UNITS, Findings, HeightMap, MapOptions
+from irtscots_cl.formats.text_numbers import comment_lines
 from irtscots_cl.formats.tiff import open_tiff
 from irtscots_cl.system.atomic_files import replacing
 
@@ -23,15 +24,14 @@ MAX_TEXT = 10**4
 
 
 def read_map_tiff(path: Path, options: MapOptions) -> HeightMap:
-    """The map of a TIFF file's only page. Raises ValueError, with one line, for what cannot be read."""
+    """The map of a TIFF file's page, its only one or the one told. Raises ValueError, with one line, if it cannot."""
     found = Findings(str(path), options)
     file = open_tiff(path, ReadOptions())
-    if file.count != 1:
-        raise ValueError(f"{path}: {file.count} pages: a map is one; extract it")
+    page = found.chosen(file.count, "pages")
     found.warnings += file.notes
-    heights = np.asarray(file.read(0), float)[::-1]
+    heights = np.asarray(file.read(page), float)[::-1]
     with reading(path, "TIFF"):
-        said = _said(path)
+        said = _said(path, page)
         wavelength = found.wavelength_nm(_number(said, "wavelength_nm"))
         unit = said.get("unit")
         unit_mm = found.unit_mm(unit if unit in UNITS else None, wavelength)
@@ -45,15 +45,16 @@ def read_map_tiff(path: Path, options: MapOptions) -> HeightMap:
         wavelength_nm=wavelength,
         kind=found.kind(kind if kind in KINDS else None),
         centre_mm=centre or (0.0, 0.0),
+        comment=comment_lines(str(said.get("comment", "")).splitlines()),
     )
 
 
-def _said(path: Path) -> dict[str, Any]:
+def _said(path: Path, page: int) -> dict[str, Any]:
     """What this package wrote about the map; empty for files of others."""
     import tifffile
 
     with tifffile.TiffFile(path) as file:
-        tag = file.pages[0].tags.get(DESCRIPTION)  # type: ignore[union-attr]
+        tag = file.pages[page].tags.get(DESCRIPTION)  # type: ignore[union-attr]
         text = "" if tag is None or tag.count > MAX_TEXT else str(tag.value)
     if MARK not in text:
         return {}
@@ -83,6 +84,7 @@ def write_map_tiff(path: Path, height_map: HeightMap, unit: str = "nm") -> tuple
     said = {
         MARK: 1, "unit": unit, "kind": height_map.kind, "wavelength_nm": height_map.wavelength_nm,
         "pitch_mm": height_map.pitch_mm, "centre_mm": height_map.centre_mm, "first_row": "top",
+        "comment": "\n".join(height_map.comment),
     }  # fmt: skip
     heights = (height_map.heights_mm[::-1] / UNIT_MM[unit]).astype(np.float32)
     with replacing(path) as temporary:

@@ -5,9 +5,13 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from irtscots_cl.formats.frames import first_line, reading
 from irtscots_cl.formats.height_map import HeightMap, MapOptions
+
+if TYPE_CHECKING:
+    from irtscots_cl.maths.map_figures import Unit
 
 Reader = Callable[[Path, MapOptions], HeightMap]
 Writer = Callable[[Path, HeightMap], tuple[str, ...]]
@@ -25,6 +29,9 @@ FORMATS = (
 WITH_INTENSITY = ("zygo-dat", "zygo-datx")
 NEGLIGIBLE_MM = 1e-6  # of a centre that is not written
 WITH_CENTRE = ("zemax", "fits", "tiff", "csv", "xyz", "npz")
+WITH_COMMENT = (
+    "zygo-dat", "zygo-datx", "codev", "codev-zfr", "codev-zrn", "fits", "tiff", "csv", "xyz", "npz",
+)  # fmt: skip
 WITH_UNIT = ("fits", "tiff", "csv", "xyz", "npy")  # formats whose heights may be in several units
 _OTHERS = {
     b"Zygo ASCII Data File": "MetroPro's ASCII: save it as .dat (binary) or .datx",
@@ -32,6 +39,25 @@ _OTHERS = {
     b"\x89PNG": "a picture (PNG), which has no unit: save heights as numbers",
     b"\xff\xd8\xff": "a picture (JPEG), which has no unit: save heights as numbers",
 }
+
+# Options of what only some formats have, and the readers that know them.
+_ONLY_OF = {
+    "number": ("read_zygo_datx", "read_map_fits", "read_map_tiff", "read_map_npz", "read_map_npy"),
+    "array": ("read_map_npz",),
+    "quantity": ("read_result_map",),
+    "unit": (
+        "read_zygo_datx",
+        "read_map_fits",
+        "read_map_tiff",
+        "read_map_npz",
+        "read_map_npy",
+        "read_map_table",
+    ),
+}
+_OF_OTHERS = {
+    "number": "holds one map", "array": "has no arrays by name", "quantity": "is no result of this program",
+    "unit": "has its own unit",
+}  # fmt: skip
 
 
 def open_map(path: Path, options: MapOptions | None = None) -> HeightMap:
@@ -50,7 +76,11 @@ def open_map(path: Path, options: MapOptions | None = None) -> HeightMap:
     for signature, what in _OTHERS.items():
         if start.startswith(signature):
             raise ValueError(f"{path}: {what}")
-    return _reader(path, start)(path, options or MapOptions())
+    reader, options = _reader(path, start), options or MapOptions()
+    for name, readers in _ONLY_OF.items():
+        if getattr(options, name) is not None and reader.__name__ not in readers:
+            raise ValueError(f"{path}: --{name}: must be left out, a file of this format {_OF_OTHERS[name]}")
+    return reader(path, options)
 
 
 def _reader(path: Path, start: bytes) -> Reader:
@@ -97,7 +127,7 @@ def _text_reader(path: Path, start: bytes) -> Reader:
             return read_map_table
     raise ValueError(
         f"{path}: not a readable map: begins as none of MetroPro, DATX, result.h5, CODE V, Zemax grid, FITS, TIFF, "
-        "CSV, XYZ, NPZ, NPY, SDF, X3P does"
+        "CSV, XYZ, NPZ, NPY, SDF, X3P does (a table's line of names must begin with #, its decimals have points)"
     )
 
 
@@ -110,12 +140,19 @@ def format_of(path: Path) -> str:
 
 
 def write_map(
-    path: Path, height_map: HeightMap, form: str | None = None, *, unit: str | None = None, terms: int = 37
+    path: Path,
+    height_map: HeightMap,
+    form: str | None = None,
+    *,
+    unit: str | None = None,
+    terms: int = 37,
+    disk: Unit | None = None,
 ) -> tuple[str, ...]:
     """Write a map. Returns notes: what the format does not hold, and how heights are rounded.
 
     form: one of FORMATS; default: by the name's ending, .dat being MetroPro's. unit: of the heights, for the formats
-    WITH_UNIT; default: their own. terms: of the Zernike files (codev-zfr, codev-zrn).
+    WITH_UNIT; default: their own. terms, disk: of the Zernike files (codev-zfr, codev-zrn); the disk in mm, or in
+    pixels from the map's middle where the pitch is unknown, by default the smallest that holds the valid pixels.
 
     Raises ValueError, with one line that names the file, for what a format cannot hold.
     """
@@ -129,7 +166,19 @@ def write_map(
         raise ValueError(f"{path}: the map has no valid height")
     if not path.parent.is_dir():
         raise ValueError(f"{path}: there is no folder {path.parent}")
-    return (*_written(path, height_map, form, unit, terms), *_lost(height_map, form))
+    if form in ("codev-zfr", "codev-zrn"):
+        from irtscots_cl.formats.codev_int import write_codev_zernike
+        from irtscots_cl.formats.codev_zernike import disk_in_pixels
+
+        pixels = None if disk is None else disk_in_pixels(height_map, disk)
+        notes = write_codev_zernike(path, height_map, terms, form[-3:].upper(), pixels)
+    elif disk is not None:
+        raise ValueError(f"{path}: a disk is of codev-zfr and codev-zrn, not of the format {form}")
+    elif form in WITH_UNIT:
+        notes = _written_with_unit(path, height_map, form, unit)
+    else:
+        notes = _writer(form)(path, height_map)
+    return (*notes, *_lost(height_map, form))
 
 
 def _lost(height_map: HeightMap, form: str) -> tuple[str, ...]:
@@ -140,15 +189,9 @@ def _lost(height_map: HeightMap, form: str) -> tuple[str, ...]:
     if max(map(abs, height_map.centre_mm)) > NEGLIGIBLE_MM and form not in WITH_CENTRE:
         x, y = height_map.centre_mm
         notes += (f"the map's centre, at {x:g}, {y:g} mm, is not written",)
+    if height_map.comment and form not in WITH_COMMENT:
+        notes += ("the map's comment is not written",)
     return notes
-
-
-def _written(path: Path, height_map: HeightMap, form: str, unit: str | None, terms: int) -> tuple[str, ...]:
-    if form in ("codev-zfr", "codev-zrn"):
-        from irtscots_cl.formats.codev_int import write_codev_zernike
-
-        return write_codev_zernike(path, height_map, terms, form[-3:].upper())
-    return _written_with_unit(path, height_map, form, unit) if form in WITH_UNIT else _writer(form)(path, height_map)
 
 
 def _writer(form: str) -> Writer:

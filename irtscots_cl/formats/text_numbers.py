@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import IO
 
@@ -30,6 +31,12 @@ def cut_off(path: Path) -> tuple[str, ...]:
 def short(text: str) -> str:
     """A part of a file for a message: printable, at most 40 characters."""
     return "".join(c if c.isprintable() else "?" for c in text.strip()[:40])
+
+
+def comment_lines(lines: Iterable[str]) -> tuple[str, ...]:
+    """Lines of a comment as a map keeps them: printable ASCII without blank ones, at most 20 of 200 characters."""
+    plain = ("".join(c if " " <= c <= "~" else "?" for c in line.strip()[:200]) for line in islice(lines, 1000))
+    return tuple(islice((line for line in plain if line), 20))
 
 
 def line_of(file: IO[str], where: str, number: int) -> str:

@@ -29,6 +29,7 @@ from irtscots_cl.formats.height_map import (
     MapOptions,
     square_pitch,
 )
+from irtscots_cl.formats.text_numbers import comment_lines
 from irtscots_cl.system.atomic_files import replacing
 
 MAGICS = {b"\x88\x1b\x03\x6f": (1, 834), b"\x88\x1b\x03\x70": (2, 834), b"\x88\x1b\x03\x71": (3, 4096)}
@@ -36,6 +37,7 @@ COUNTS = {0: 4096, 1: 32768, 2: 131072}  # per fringe, by the phase resolution c
 INVALID = 2147483640  # and above
 INVALID_INTENSITY = 65412  # and above
 DEFAULT_WAVELENGTH_NM = 632.8
+COMMENT = slice(80, 162)  # text that ends with a 0
 SCALE_FACTORS = {SURFACE: 0.5, WAVEFRONT: 1.0}
 # Where the header's values are, and their types.
 _FIELDS = {
@@ -84,6 +86,7 @@ def read_zygo_dat(path: Path, options: MapOptions) -> HeightMap:
         kind=_kind(found, header),
         intensity=intensity,
         camera=place,
+        comment=comment_lines([header[COMMENT].split(b"\0")[0].decode("ascii", "replace")]),
     )
 
 
@@ -217,7 +220,7 @@ def write_zygo_dat(path: Path, height_map: HeightMap) -> tuple[str, ...]:
         "phase_res": (code,), "sign": (0,), "camera": (place.columns, place.rows),
     }.items():  # fmt: skip
         struct.pack_into(_FIELDS[name][1], header, _FIELDS[name][0], *values)
-    header[80:91] = b"irtscots-cl"
+    header[COMMENT] = "; ".join(height_map.comment or ("irtscots-cl",)).encode("ascii", "replace")[:81].ljust(82, b"\0")
     with replacing(path) as temporary:
         temporary.write_bytes(bytes(header) + intensity + counts.tobytes())
     quantum = scale * wavelength / COUNTS[code]

@@ -9,6 +9,7 @@ Sources: docs/formats.md names those of every statement.
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from irtscots_cl.formats.frames import MAX_UNPACKED, check_size, reading
 from irtscots_cl.formats.hdf5 import opened
 from irtscots_cl.formats.height_map import UNIT_MM, CameraPlace, Findings, HeightMap, MapOptions, unit_named
-from irtscots_cl.formats.text_numbers import short
+from irtscots_cl.formats.text_numbers import comment_lines, short
 from irtscots_cl.formats.zygo_dat import INVALID, SCALE_FACTORS, kind_by_scale, writable_wavelength
 from irtscots_cl.system.atomic_files import replacing
 
@@ -28,6 +29,7 @@ IDENTITY = "{11111111-1111-1111-1111-111111111111}"
 CONVERTER = np.dtype([("Category", "S32"), ("BaseUnit", "S32"), ("Parameters", "<f8", (4,))])
 COORDINATES = np.dtype([("ColumnStart", "<i4"), ("RowStart", "<i4"), ("Width", "<i4"), ("Height", "<i4")])
 LINK = np.dtype([("Source", "S64"), ("Link", "S64"), ("Destination", "S128")])
+MAX_MAPS = 1000  # of a file
 MAX_VALUES = 64  # of an attribute that is read
 
 
@@ -35,7 +37,7 @@ def is_datx(path: Path) -> bool:
     """Whether an HDF5 file holds a surface as Mx writes it."""
     try:
         with opened(path) as file:
-            return _dataset(file, "Surface") is not None
+            return bool(_datasets(file, "Surface"))
     except ValueError:
         return False
 
@@ -44,9 +46,11 @@ def read_zygo_datx(path: Path, options: MapOptions) -> HeightMap:
     """The map of a .datx file. Raises ValueError, with one line, for what cannot be read."""
     found = Findings(str(path), options)
     with reading(path, "DATX"), opened(path) as file:
-        data = _dataset(file, "Surface")
-        if data is None:
+        surfaces = _datasets(file, "Surface")
+        if not surfaces:
             raise ValueError(f"{path}: has no dataset /Measurement/Surface or /Data/Surface/ID, as a DATX file has")
+        number = found.chosen(len(surfaces), "surfaces")
+        data = surfaces[number]
         check_dataset(path, data)
         stored = np.asarray(data[()], float)
         no_data = _number(data, "No Data", float(INVALID))
@@ -64,7 +68,8 @@ def read_zygo_datx(path: Path, options: MapOptions) -> HeightMap:
         pitch = tuple(_pitch_mm(found, data, axis) for axis in "XY")
         if not all(pitch):
             pitch = (_general_pitch_mm(file),) * 2
-        place, intensity = _place(data), _intensity(path, file, data)
+        comment = comment_lines(_text(data, "Comment", 4000).splitlines())
+        place, intensity = _place(data), _intensity(path, data, _datasets(file, "Intensity"), number, len(surfaces))
     return found.build(
         values[::-1],
         "Zygo DATX",
@@ -74,11 +79,12 @@ def read_zygo_datx(path: Path, options: MapOptions) -> HeightMap:
         kind=kind_by_scale(found, scale),
         intensity=intensity,
         camera=place,
+        comment=comment,
     )
 
 
-def _dataset(file: h5py.File, what: str) -> h5py.Dataset | None:
-    """The dataset of a kind, in this file itself."""
+def _datasets(file: h5py.File, what: str) -> list[h5py.Dataset]:
+    """The datasets of a kind, in this file itself: the one of the measurement, or all of the data."""
     for form in PLACES:
         place = form.format(what)
         parent, name = place.rsplit("/", 1)
@@ -89,12 +95,13 @@ def _dataset(file: h5py.File, what: str) -> h5py.Dataset | None:
         if not isinstance(file[parent].get(name, getlink=True), h5py.HardLink):
             continue
         data = file[parent][name]
-        if isinstance(data, h5py.Group):
-            inside = [k for k in data if isinstance(data.get(k, getlink=True), h5py.HardLink)]
-            data = data[inside[0]] if inside else data
         if isinstance(data, h5py.Dataset):
-            return data
-    return None
+            return [data]
+        inside = [data[k] for k in islice(data, MAX_MAPS) if isinstance(data.get(k, getlink=True), h5py.HardLink)]
+        found = [one for one in inside if isinstance(one, h5py.Dataset)]
+        if found:
+            return found
+    return []
 
 
 def check_dataset(path: Path, data: h5py.Dataset) -> None:
@@ -126,10 +133,11 @@ def _number(holder: Any, name: str, default: float) -> float:
     return float(value) if isinstance(value, (int, float, np.number)) else default
 
 
-def _text(holder: Any, name: str) -> str:
+def _text(holder: Any, name: str, most: int = 0) -> str:
+    """A short text, or one of at most so many characters."""
     value = _attribute(holder, name)
     text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value or "")
-    return short(text)
+    return text[:most] if most else short(text)
 
 
 def _factor(found: Findings, name: str, value: float) -> float:
@@ -184,9 +192,13 @@ def _place(data: h5py.Dataset) -> CameraPlace | None:
     return CameraPlace(left + columns, top + rows, left, top)
 
 
-def _intensity(path: Path, file: h5py.File, surface: h5py.Dataset) -> NDArray[np.float32] | None:
-    """Intensity [1, rows, columns] of the surface's pixels; None where the file has none of them."""
-    data = _dataset(file, "Intensity")
+def _intensity(
+    path: Path, surface: h5py.Dataset, frames: list[h5py.Dataset], number: int, surfaces: int
+) -> NDArray[np.float32] | None:
+    """Intensity [1, rows, columns] of the surface's pixels; None where the file has none of them, or it is not clear
+    which of the frames belongs to which of the surfaces."""
+    paired = len(frames) == surfaces or (frames and surfaces == 1)
+    data = frames[number] if paired else None
     place, own = _place(surface), None if data is None else _place(data)
     if data is None:
         return None
@@ -222,6 +234,8 @@ def write_zygo_datx(path: Path, height_map: HeightMap) -> tuple[str, ...]:
         surface = file.create_dataset(f"Data/Surface/{IDENTITY}", data=values)
         coordinates = np.array([(place.left, place.top, columns, rows)], COORDINATES)
         surface.attrs["Unit"] = np.array([b"NanoMeters"])
+        if height_map.comment:
+            surface.attrs["Comment"] = np.array(["\n".join(height_map.comment).encode()])
         for name, value in {
             "No Data": float(INVALID), "Wavelength": wavelength * 1e-9, "Obliquity Factor": 1.0,
             "Interferometric Scale Factor": SCALE_FACTORS[height_map.kind],

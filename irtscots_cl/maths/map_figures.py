@@ -11,12 +11,11 @@ import numpy as np
 
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.low_order import TERMS, remove_terms
-from irtscots_cl.maths.zernike.fit import separable_terms
+from irtscots_cl.maths.zernike.grid_fit import grid_fit
 from irtscots_cl.maths.zernike.indices import fringe_to_nm, nm_to_noll
 
 PVR_TERMS = 36  # of the fringe set
 PVR_SIGMAS = 3.0
-MOST_SAMPLES = 20_000  # of the fit of Zernike terms: an even choice of the pixels where there are more
 RIM = 1e-9
 
 
@@ -45,8 +44,8 @@ class MapFigures:
 class ZernikeFigures:
     """Noll coefficients [terms] in mm of a map on a disk, what they leave, and PVr.
 
-    dropped: terms that the pixels cannot tell apart from the others. pvr_mm: the fit's PV and three times the rms that
-    it leaves. fitted_pixels: an even choice of them where there are many.
+    dropped: terms that the pixels cannot tell apart from the others. rest_rms_mm: of the map with low-order terms
+    removed. pvr_mm: the fit's PV and three times the rms that it leaves. fitted_pixels: the valid ones on the disk.
     """
 
     disk: Unit
@@ -114,11 +113,9 @@ def zernike_figures(
     if not used.any():
         raise ValueError("no valid pixel is on the disk of the Zernike terms")
     left = remove_terms(x, y, heights, np.isfinite(heights), removed)
-    number = int(used.sum())
-    chosen = np.linspace(0, number - 1, min(number, MOST_SAMPLES)).astype(int)
-    u, v, whole, left = (values[used][chosen] for values in (u, v, heights, left))
-    fit = separable_terms(u, v, sorted(nm_to_noll(*fringe_to_nm(j)) for j in range(1, count + 1)))
-    smooth = fit.basis @ fit.coefficients(left)
-    rest_rms = _rms(left - smooth)
+    fit = grid_fit(u[0], v[:, 0], used, [nm_to_noll(*fringe_to_nm(j)) for j in range(1, count + 1)])
+    smooth = fit.values(fit.coefficients(left))[used]
+    rest_rms = _rms(left[used] - smooth)
     pvr = float(np.ptp(smooth)) + PVR_SIGMAS * rest_rms
-    return ZernikeFigures(disk, fit.nolls, fit.coefficients(whole), fit.dropped, rest_rms, pvr, len(chosen))
+    whole = fit.coefficients(heights)
+    return ZernikeFigures(disk, fit.nolls, whole, fit.dropped, rest_rms, pvr, smooth.size)

@@ -146,7 +146,15 @@ def test_what_a_file_does_not_tell_can_be_told(irtscots, tmp_path):
         (("convert", "none.dat", "b.npz"), "none.dat: not a readable file: No such file"),
         (("map", "none.dat"), "none.dat: not a readable file: No such file"),
         (("map", "A", "--remove", "coma"), "--remove = coma: must be one of none"),
-        (("map", "A", "--unit", "nm"), None),
+        (("map", "A", "--unit", "nm"), "heights in mm, told nm: leave --unit out"),
+        (("map", "A", "--quantity", "height"), "--quantity: must be left out, a file of this format is no result"),
+        (("map", "A", "--number", "2"), "--number = 2: must be 1 to 1"),
+        (("map", "A", "--array", "z"), "has no array z: give --array, one of: heights_mm"),
+        (("map", "A", "--quantity", "slope"), "quantity = 'slope': must be one of deviation"),
+        (("map", "A", "--disk", "0"), "--disk = 0: must be a radius above 0"),
+        (("map", "A", "--disk", "1,2"), "--disk = 1,2: must be a radius above 0, or radius, x and y"),
+        (("map", "A", "--disk", "1,50,2"), "no valid pixel is on the disk"),
+        (("convert", "A", "b.dat", "--disk", "1"), "a disk is of codev-zfr and codev-zrn"),
     ],
 )
 def test_refusals_are_one_line(irtscots, letter, tmp_path, monkeypatch, arguments, said):
@@ -164,3 +172,53 @@ def test_a_broken_file_is_one_line(irtscots, tmp_path):
     for command in (("map",), ("convert",)):
         code, out, err = irtscots(*command, tmp_path / "a.dat", *(["b.npz"] if command == ("convert",) else []))
         assert (code, out) == (2, "") and err.count("\n") == 1 and "cut off or broken" in err
+
+
+def test_the_disk_of_the_zernike_terms_can_be_told(irtscots, mirror, tmp_path):
+    """20 nm of focus on a disk of 50 mm, whatever circle holds the pixels."""
+    found, _ = facts(irtscots, "map", mirror, "--disk", "50")
+    terms = {one["noll"]: one["output_nm"] for one in found["zernike"]}
+    assert terms[4] == pytest.approx(20, abs=0.01) and found["zernike_disk"]["radius"] == 50
+    facts(irtscots, "convert", mirror, tmp_path / "b.int", "--format", "codev-zfr", "--terms", "9", "--disk", "50,0,0")
+    text = (tmp_path / "b.int").read_text()
+    assert "disk of radius 50 pixels about row 50, column 50" in text
+    assert float(text.split()[-6]) == pytest.approx(20 * 3**0.5 / 632.8, rel=1e-3)  # the fourth of nine, 1 at the rim
+
+
+@pytest.mark.slow
+def test_run_and_reconstruct_export_what_convert_writes(irtscots, tmp_path, monkeypatch):
+    from synthetic import small_scene
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.toml").write_text(small_scene("sphere-deviated", 25).to_toml())
+    exports = ("--export", "part.dat", "--export", "zemax:grid.DAT", "--export", "part.csv")
+    few = ("--rays-per-pixel", "64", "--replicates", "4", "--out", "out", "--quiet")
+    code, out, err = irtscots("run", "small.toml", *few, *exports)
+    assert code == 0 and "map in part.dat; the map has no wavelength" in out and "interpolated from" in err
+    assert "# comment: Deviation from design" in (tmp_path / "part.csv").read_text()
+    assert open_map(tmp_path / "grid.DAT").origin.startswith("Zemax")
+    facts(irtscots, "convert", "out/result.h5", "again.dat")
+    assert (tmp_path / "again.dat").read_bytes() == (tmp_path / "part.dat").read_bytes()
+    told = ("--measure", "paper", "--out", "measured", "--export", "measured.dat")
+    found, _ = facts(irtscots, "reconstruct", "out/result.h5", "--scene", "small.toml", *told)
+    assert [one["format"] for one in found["exported"]] == ["zygo-dat"]
+    assert open_map(tmp_path / "measured.dat").valid.sum() > 200
+
+
+@pytest.mark.parametrize(
+    ("export", "said"),
+    [
+        ("part.obj", "no format has the ending '.obj'"),
+        ("none/part.dat", "--export = none/part.dat: there is no folder none"),
+        ("folder.dat", "--export = folder.dat: is a folder"),
+        ("zemax:none/part.dat", "there is no folder none"),
+    ],
+)
+def test_an_export_that_cannot_be_is_refused_before_anything_is_computed(irtscots, tmp_path, monkeypatch, export, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder.dat").mkdir()
+    for command in (("run", "sphere-deviated"), ("reconstruct", "none.h5", "--scene", "sphere-deviated")):
+        code, out, err = irtscots(*command, "--export", export)
+        assert (code, out) == (2, "") and said in err and err.count("\n") == 1
+    code, _, err = irtscots("run", "sphere-deviated", "--export", "a.dat", "--export", "a.dat")
+    assert code == 2 and "is given twice" in err

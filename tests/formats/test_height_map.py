@@ -130,3 +130,11 @@ def test_kind_conflicts_and_gaps():
 )
 def test_names_of_units(text, name):
     assert unit_named(text) == name
+
+
+def test_flip_y_and_a_quarter_turn_exchange_x_and_y():
+    heights = np.arange(6.0).reshape(2, 3)
+    given = HeightMap(heights, (0.5, 0.25), centre_mm=(1.0, 2.0))
+    turned = given.flipped("y").rotated()
+    np.testing.assert_array_equal(turned.heights_mm, heights.T)
+    assert (turned.pitch_mm, turned.centre_mm) == ((0.25, 0.5), (2.0, 1.0))

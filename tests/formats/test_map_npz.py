@@ -30,8 +30,8 @@ def test_files_of_numpy(tmp_path):
 
 def test_broken_files(tmp_path):
     for data, said in (
-        (npz(other=HEIGHTS), "has no array heights_mm (arrays: other.npy)"),
-        (npz(heights_mm=np.zeros((2, 3, 4))), "2 maps: must be one"),
+        (npz(other=HEIGHTS), "has no array heights_mm: give --array, one of: other"),
+        (npz(heights_mm=np.zeros((2, 3, 4))), "2 maps in heights_mm: a map is one; give --number"),
         (npz(heights_mm=np.array([["a"]])), "must be real numbers"),
         (npz(heights_mm=HEIGHTS)[:-30], "not a readable NPZ file"),
         (npz(heights_mm=HEIGHTS, wavelength_nm=-1e9), None),

@@ -121,3 +121,26 @@ def test_numpy_reads_what_is_written(tmp_path):
     path = tmp_path / "a.csv"
     write_map_csv(path, HeightMap(letter_map_nm() * 1e-6))
     np.testing.assert_allclose(np.loadtxt(path, delimiter=",")[::-1], letter_map_nm())
+
+
+def test_a_tables_numbering_is_no_height(tmp_path):
+    """As pandas writes it: the first row and the first column count."""
+    text = "# unit = nm\n,0,1,2\n0,1.5,2.5,3.5\n1,4.5,5.5,6.5\n"
+    assert "its first row and column number the others" in refused(tmp_path, text)
+    assert read(tmp_path, "# unit = nm\nnan,1,3\n1,4.5,5.5\n").heights_mm.shape == (2, 3)
+
+
+def test_keys_in_other_spellings(tmp_path):
+    found = read(tmp_path, "# Unit: um\n#KIND = Surface\n# First_Row: bottom\n1,2\n3,4\n")
+    np.testing.assert_allclose(found.heights_mm, np.array([[1, 2], [3, 4]]) * 1e-3)
+    found = read(tmp_path, "# unit = nm\n# pitch = 0.1, 0.1\n# a note: of no key\n1,2\n3,4\n")
+    assert any("is not used: is pitch_mm meant?" in text for text in found.warnings)
+    assert found.comment == ("pitch = 0.1, 0.1", "a note: of no key")
+
+
+def test_comments_that_look_like_keys_stay_comments(tmp_path):
+    given = HeightMap(np.zeros((4, 4)), (1.0, 1.0), comment=("kind = wavefront", "\u00b5m\nunit = mm"))
+    assert given.comment == ("kind = wavefront", "?m?unit = mm")
+    write_map_csv(tmp_path / "a.csv", given)
+    found = read_map_table(tmp_path / "a.csv", MapOptions())
+    assert (found.comment, found.kind) == (given.comment, "surface")

@@ -155,6 +155,68 @@ def test_no_file_and_no_folder(tmp_path):
         write_map(tmp_path / "a", LETTER, "obj")
 
 
+COMMENTED = ["zygo-dat", "zygo-datx", "codev", "codev-zfr", "codev-zrn", "fits", "tiff", "csv", "xyz", "npz"]
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_comments_are_written_and_read_where_formats_have_them(tmp_path, form):
+    from dataclasses import replace
+
+    given = replace(LETTER, comment=("Deviation, + towards the camera", "second line"))
+    notes = write_map(tmp_path / "a", given, form, terms=4)
+    assert ("the map's comment is not written" in notes) == (form not in COMMENTED)
+    said = " ".join(open_map(tmp_path / "a", MapOptions(unit="mm" if form == "npy" else None)).comment)
+    assert ("+ towards the camera" in said and "second line" in said) == (form in COMMENTED)
+
+
+def test_what_is_done_to_a_map_is_said_in_its_comment():
+    from dataclasses import replace
+
+    given = replace(LETTER, comment=("height",))
+    turned = given.flipped("x").rotated().negated().as_kind("wavefront")
+    assert turned.comment == ("height", "mirrored: x", "turned by a quarter", "heights turned over", "now a wavefront")
+    assert LETTER.flipped("x").comment == ()
+
+
+def test_one_of_several_maps(tmp_path):
+    """A stack of the letter and its double, in every format that holds several."""
+    import tifffile
+    from astropy.io import fits as astropy_fits
+
+    stack = np.stack([letter_map_nm(), 2 * letter_map_nm()])
+    hdu = astropy_fits.PrimaryHDU(stack)
+    hdu.header["BUNIT"] = "nm"
+    hdu.writeto(tmp_path / "a.fits")
+    tifffile.imwrite(tmp_path / "a.tif", stack[:, ::-1].astype("f4"), photometric="minisblack")
+    np.savez(tmp_path / "a.npz", heights_mm=stack * 1e-6, other=stack[1])
+    np.save(tmp_path / "a.npy", stack)
+    with h5py.File(tmp_path / "a.datx", "w") as file:
+        for k, heights in enumerate(stack):
+            data = file.create_dataset(f"Data/Surface/{k}", data=np.nan_to_num(heights[::-1], nan=float(INVALID)))
+            data.attrs["Unit"] = b"NanoMeters"
+            file.create_dataset(f"Data/Intensity/{k}", data=np.full(heights.shape, k + 1))
+    for name in ("a.fits", "a.tif", "a.npz", "a.npy", "a.datx"):
+        told = {"unit": "nm"} if name in ("a.tif", "a.npy") else {}
+        with pytest.raises(ValueError, match="a map is one; give --number, from 1 to 2"):
+            open_map(tmp_path / name, MapOptions(**told))
+        with pytest.raises(ValueError, match="--number = 3: must be 1 to 2"):
+            open_map(tmp_path / name, MapOptions(number=3, **told))
+        for number in (1, 2):
+            found = open_map(tmp_path / name, MapOptions(number=number, **told))
+            np.testing.assert_allclose(found.heights_mm * 1e6, number * letter_map_nm(), rtol=1e-6)
+    assert open_map(tmp_path / "a.datx", MapOptions(number=2)).intensity.max() == 2
+    other = open_map(tmp_path / "a.npz", MapOptions(unit="nm", array="other"))
+    np.testing.assert_allclose(other.heights_mm * 1e6, stack[1])
+    assert any("does not tell its row order" in text for text in other.warnings)
+
+
+@pytest.mark.parametrize("form", ["zygo-dat", "codev", "zemax", "sdf", "x3p"])
+def test_a_unit_is_refused_where_the_format_has_its_own(tmp_path, form):
+    write_map(tmp_path / "a", LETTER, form)
+    with pytest.raises(ValueError, match="--unit: must be left out, a file of this format has its own unit"):
+        open_map(tmp_path / "a", MapOptions(unit="nm"))
+
+
 # --- broken files -------------------------------------------------------------------------------------------
 
 

@@ -1,6 +1,7 @@
 """The deviation of a result.h5 as a map on an even grid."""
 
 import random
+import re
 
 import h5py
 import numpy as np
@@ -9,7 +10,7 @@ from broken_maps import broken, outcome
 
 from irtscots_cl.formats.height_map import MapOptions
 from irtscots_cl.formats.maps import open_map
-from irtscots_cl.formats.result_map import is_result, read_result_map
+from irtscots_cl.formats.result_map import QUANTITIES, is_result, read_result_map
 
 PITCH = 2.0
 
@@ -94,3 +95,52 @@ def test_broken_files_give_one_line(tmp_path):
     data = path.read_bytes()
     results = [outcome(path, broken(data, random.Random(number))) for number in range(100)]
     assert 20 < sum(result != "read" for result in results) < 100
+
+
+def test_the_error_does_not_depend_on_the_unit_of_the_heights(tmp_path):
+    """Clough and Tocher's gradients have a tolerance that is absolute for small numbers, such as heights in mm."""
+    x, y = pixels()
+    errors = []
+    for scale in (1.0, 1e-6, 1e6):
+        found = open_map(written(tmp_path / "a.h5", x, y, deviation_nm(x, y) * scale))
+        errors.append(np.nanstd(found.heights_mm * 1e6 / scale - deviation_nm(*found.positions_mm())))
+    assert max(errors) < 0.006 and np.ptp(errors) < 1e-6  # nm
+
+
+def test_a_sphere_is_interpolated_as_well_as_its_deviation(tmp_path):
+    """A polynomial takes the low orders, which cubics alone get wrong by far more than the deviation."""
+    x, y = pixels()
+    path = written(tmp_path / "a.h5", x, y, deviation_nm(x, y))
+    with h5py.File(path, "r+") as file:
+        file["height_mm"] = deviation_nm(x, y) * 1e-6 + (x**2 + y**2) / 2000
+        file["height_standard_error_nm"] = np.where(np.isfinite(x), 0.5 + x / 100, np.nan)
+    found = open_map(path, MapOptions(quantity="height"))
+    grid_x, grid_y = found.positions_mm()
+    wanted = deviation_nm(grid_x, grid_y) * 1e-6 + (grid_x**2 + grid_y**2) / 2000
+    assert np.nanstd(found.heights_mm - wanted) < 6e-9
+    error = open_map(path, MapOptions(quantity="standard-error"))
+    np.testing.assert_allclose(error.heights_mm[error.valid] * 1e6, (0.5 + grid_x / 100)[error.valid], atol=1e-9)
+    assert "Surface" in found.comment[0] and "Standard error" in error.comment[0]
+
+
+def test_the_stated_limit_holds_and_is_not_far_off(tmp_path):
+    x, y = pixels()
+    found = open_map(written(tmp_path / "a.h5", x, y, deviation_nm(x, y)))
+    stated = float(re.search(r"come back to (\S+) nm rms", found.warnings[0]).group(1))
+    error = np.nanstd(found.heights_mm * 1e6 - deviation_nm(*found.positions_mm()))
+    assert error < stated < 20 * error
+
+
+def test_only_the_largest_group_of_islands_is_in_the_map(tmp_path):
+    x, y = pixels()
+    heights = deviation_nm(x, y)
+    path = written(tmp_path / "a.h5", x, y, heights)
+    with h5py.File(path, "r+") as file:
+        file["island_groups"] = np.where(np.isfinite(x), np.where(x > 30, 2, 1), 0)
+    found = open_map(path)
+    assert "pixels of other islands, of unknown piston, are left out" in found.warnings[0]
+    assert not found.valid[found.positions_mm()[0] > 33].any()
+
+
+def test_comments_fit_where_formats_are_short():
+    assert all(len(text) <= 81 and text.isascii() for _, _, text in QUANTITIES.values())  # MetroPro has 82 bytes

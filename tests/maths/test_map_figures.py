@@ -97,8 +97,17 @@ def test_terms_that_pixels_cannot_tell_apart_are_dropped_and_named():
         zernike_figures(heights, x, y, disk=Unit(1.0, 500.0, 500.0))
 
 
-def test_large_maps_are_thinned_evenly():
+def test_all_pixels_of_a_large_map_are_fitted():
     heights, x, y = disk_map({4: 1e-4}, 301)
     found = zernike_figures(heights, x, y, disk=Unit(RADIUS, 3.0, -2.0))
-    assert found.fitted_pixels == 20_000
+    assert found.fitted_pixels == np.isfinite(heights).sum() == 70681
     assert found.coefficients_mm[found.nolls.index(4)] == pytest.approx(1e-4, rel=1e-9)
+
+
+def test_slopes_of_a_sine():
+    """Differences of neighbours see sin(pi p / L) / (pi p / L) of the slope 2 pi A / L / sqrt 2, along x alone."""
+    length, amplitude, pitch = 20.0, 1e-4, 2.0
+    x, y = np.meshgrid(np.arange(201) * pitch, np.arange(5) * pitch)
+    found = figures(amplitude * np.sin(2 * np.pi * x / length), x, y, "none")
+    wanted = np.sqrt(2) * np.pi * amplitude / length * np.sinc(pitch / length)
+    assert found.slope_rms_rad == (pytest.approx(wanted, rel=1e-6), 0.0)
