@@ -21,6 +21,7 @@ KINDS = {  # path of keys -> (module of irtscots_cl.scene, its checked dataclass
     ("screen", "cover_glass"): ("screen_shape", "CoverGlass"),
     ("screen", "lines"): ("screen_shape", "ScanLines"),
     ("calibration",): ("calibration_known", "Calibration"),
+    ("budget",): ("error_sources", "Budget"),
 }
 LISTS: dict[tuple[str, ...], tuple[str, str]] = {}  # the same for arrays of tables
 FILES = ("quantum_efficiency_map", "brightness_map")  # keys whose value is a path

@@ -26,6 +26,7 @@ ONLY_FROM = {
     "imaging": {"system", "maths", "formats", "scene", "optics"},
     "measurement": {"system", "maths", "scene", "optics", "imaging"},
     "calibration": {"system", "maths", "formats", "scene", "optics", "imaging", "measurement"},
+    "budget": {"system", "maths", "scene", "optics", "imaging", "measurement", "calibration"},
 }
 WITHOUT_NUMPY = {"irtscots_cl", "irtscots_cl.cli", "irtscots_cl.__main__", "irtscots_cl.scene.model",
                  "irtscots_cl.scene.presets", "irtscots_cl.scene.element", "irtscots_cl.scene.validation"}  # fmt: skip

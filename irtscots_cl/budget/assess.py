@@ -1,0 +1,52 @@
+"""The error budget of a test: sensitivities, linear prediction, trials and one trial's ledger together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from irtscots_cl.budget.ledger import Ledger, ledger
+from irtscots_cl.budget.linear import LinearBudget, linear_budget
+from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.monte_carlo import MonteCarlo, monte_carlo
+from irtscots_cl.budget.sensitivity import Sensitivity, sensitivities
+from irtscots_cl.budget.sources import known_sources
+from irtscots_cl.budget.trials import Trials
+from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.error_sources import Budget
+from irtscots_cl.scene.model import Scene
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """sensitivities: of all sources that there are, and those of the budget. linear, monte_carlo, ledger: of the
+    budget's sources; None without any. trial: whose ledger it is."""
+
+    trials: Trials
+    sensitivities: dict[str, Sensitivity] = field(repr=False)
+    linear: LinearBudget | None = field(repr=False)
+    monte_carlo: MonteCarlo | None = field(repr=False)
+    trial: int
+    ledger: Ledger | None = field(repr=False)
+
+
+def assess(
+    scene: Scene | Setup, budget: Budget | None = None, trial: int = 0, done: Callable[[int], None] = lambda count: None
+) -> ErrorBudget:
+    """The error budget of a scene's design. Needs no device.
+
+    budget: by default the scene's own. trial: whose ledger is made. done: called with the number of finished trials.
+    Raises SceneError for an unknown source or a set-up without light, ValueError for a trial that there is not.
+    """
+    setup = Setup.of(scene)
+    budget = budget or setup.scene.budget or Budget()
+    if not 0 <= trial < budget.trials:
+        raise ValueError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
+    design = MeasuredDesign.of(setup)
+    trials = Trials.of(design, budget)
+    sources = known_sources(setup.scene) | {source.name: source for source in trials.sources}
+    found = {one.source.name: one for one in sensitivities(design, list(sources.values()))}
+    if not budget.sources:
+        return ErrorBudget(trials, found, None, None, trial, None)
+    linear = linear_budget(design, {name: found[name] for name in budget.sources}, budget.sources)
+    return ErrorBudget(trials, found, linear, monte_carlo(trials, done), trial, ledger(trials, trial))
