@@ -11,6 +11,7 @@ from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.monte_carlo import MonteCarlo, monte_carlo
 from irtscots_cl.budget.sensitivity import Sensitivity, sensitivities
 from irtscots_cl.budget.sources import known_sources
+from irtscots_cl.budget.tolerances import QuadraticError, Tolerances, tolerances
 from irtscots_cl.budget.trials import Trials
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Budget
@@ -20,7 +21,8 @@ from irtscots_cl.scene.model import Scene
 @dataclass(frozen=True)
 class ErrorBudget:
     """sensitivities: of all sources that there are, and those of the budget. linear, monte_carlo, ledger: of the
-    budget's sources; None without any. trial: whose ledger it is."""
+    budget's sources; None without any. trial: whose ledger it is. tolerances: None where nothing is said to be allowed.
+    """
 
     trials: Trials
     sensitivities: dict[str, Sensitivity] = field(repr=False)
@@ -28,6 +30,7 @@ class ErrorBudget:
     monte_carlo: MonteCarlo | None = field(repr=False)
     trial: int
     ledger: Ledger | None = field(repr=False)
+    tolerances: Tolerances | None = field(repr=False)
 
 
 def assess(
@@ -47,6 +50,10 @@ def assess(
     sources = known_sources(setup.scene) | {source.name: source for source in trials.sources}
     found = {one.source.name: one for one in sensitivities(design, list(sources.values()))}
     if not budget.sources:
-        return ErrorBudget(trials, found, None, None, trial, None)
-    linear = linear_budget(design, {name: found[name] for name in budget.sources}, budget.sources)
-    return ErrorBudget(trials, found, linear, monte_carlo(trials, done), trial, ledger(trials, trial))
+        return ErrorBudget(trials, found, None, None, trial, None, None)
+    own = {name: found[name] for name in budget.sources}
+    allowed = None
+    if budget.allow_nm is not None:
+        allowed = tolerances(QuadraticError(design, own, budget.sources), budget.allow_nm)
+    linear, spread = linear_budget(design, own, budget.sources), monte_carlo(trials, done)
+    return ErrorBudget(trials, found, linear, spread, trial, ledger(trials, trial), allowed)

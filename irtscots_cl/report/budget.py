@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
 
 from irtscots_cl.budget.assess import ErrorBudget
 from irtscots_cl.budget.sensitivity import NM, NOLLS
-from irtscots_cl.calibration.height_response import by_terms
+from irtscots_cl.budget.tolerances import Tolerances
+from irtscots_cl.calibration.height_response import LEFT_AFTER, by_terms
 from irtscots_cl.report.table import Table
 
 HEAD = ("piston, tilt", "+ power", "+ astigmatism", "+ coma")
@@ -48,6 +50,8 @@ def budget_facts(found: ErrorBudget) -> dict[str, Any]:
     facts["trials_rms_nm"] = by_terms(np.sqrt(np.mean(spread.rms_nm**2, axis=0)))
     facts["trials_percentiles_nm"] = {f"{share:g}": by_terms(spread.percentile_nm(share)) for share in SHARES}
     facts["trials_zernike_covariance_nm2"] = spread.zernike_covariance_nm2.tolist()
+    if found.tolerances is not None:
+        facts["tolerances"] = dataclasses.asdict(found.tolerances)
     without = trials.design.response.left
     facts["ledger"] = {
         "trial": found.trial,
@@ -64,7 +68,8 @@ def budget_tables(found: ErrorBudget) -> list[Table]:
     """The tables of the terminal: what each source costs, largest first."""
     if found.linear is None or found.monte_carlo is None or found.ledger is None:
         return [_sensitivity_table(found)]
-    return [_source_table(found), _total_table(found), _ledger_table(found)]
+    allowed = [] if found.tolerances is None else _tolerance_tables(found, found.tolerances)
+    return [_source_table(found), _total_table(found), *allowed, _ledger_table(found)]
 
 
 def _sensitivity_table(found: ErrorBudget) -> Table:
@@ -113,3 +118,41 @@ def _ledger_table(found: ErrorBudget) -> Table:
     rows.append(("sum of the maps", "", *(f"{nm:.3g}" for nm in left(found.ledger.total_mm[None])[0] * NM), ""))
     title = f"Ledger of trial {found.trial}: rms in nm of each source's map; the maps add up to the whole error"
     return Table(title, ("source", "value", *HEAD, "second order, at most"), rows)
+
+
+def _tolerance_tables(found: ErrorBudget, told: Tolerances) -> list[Table]:
+    """The largest size of each source alone, and what to calibrate where the test costs more than it may."""
+    unit = {name: one.source.unit for name, one in found.sensitivities.items()}
+    rows = [(one.name, f"{one.given:.3g} {unit[one.name]}".strip(), _size(one.largest, unit[one.name]))
+            for one in told.each]  # fmt: skip
+    rows.append(("all together", "1 x", f"{told.common_factor:.3g} x"))
+    share = f"{100 * told.coverage:g} % of tests"
+    title = f"{told.allow_nm:g} nm allowed, {told.now_nm:.3g} nm now for {share}: largest size, all others as given"
+    tables = [Table(title, ("source", "given", "largest"), rows)]
+    if told.now_nm > told.allow_nm:
+        steps = [(step.name, "" if step.cost is None else f"{step.cost:g}", f"{step.after_nm:.3g}")
+                 for step in told.plan]  # fmt: skip
+        reached = bool(told.plan) and told.plan[-1].after_nm <= told.allow_nm
+        title = "What to calibrate, one after the other" + ("" if reached else "; even all of it does not suffice")
+        tables.append(Table(title, ("source", "cost", f"nm left for {share}"), steps))
+    return tables
+
+
+def _size(value: float, unit: str) -> str:
+    if value == 0:
+        return "none: the others cost too much"
+    return "any" if value == float("inf") else f"{value:.3g} {unit}".strip()
+
+
+def budget_rows(found: ErrorBudget) -> list[list[str]]:
+    """The sources as rows of a CSV file, the head first."""
+    head = ["source", "unit", "distribution", "size", "sigma", *(f"nm_{terms}" for terms in LEFT_AFTER), "sobol_total"]
+    if found.linear is None:
+        return [head]
+    rows = [head]
+    for name, given in found.trials.budget.sources.items():
+        unit = found.sensitivities[name].source.unit
+        nm = [f"{value:.9g}" for value in found.linear.nm[name]]
+        rows.append([name, unit, given.kind, f"{given.size:.9g}", f"{given.sigma:.9g}", *nm,
+                     f"{found.linear.total[name]:.9g}"])  # fmt: skip
+    return rows
