@@ -177,6 +177,8 @@ MEANINGS = (
     ("[budget]", Budget, "The errors that the test is expected to have, for `irtscots budget`: "
      "[budget.md](budget.md).", {
         "sources": "distribution of each source's value, by name",
+        "periods": "of fringes over the screen, by series; without them, single lines are scanned",
+        "steps": "of the fringes of each series",
         "trials": "tests that are tried with all errors at once",
         "seed": "of their random numbers",
         "allow_nm": "rms height error that the test may have",

@@ -45,7 +45,7 @@ def assess(
     budget = budget or setup.scene.budget or Budget()
     if not 0 <= trial < budget.trials:
         raise ValueError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
-    design = MeasuredDesign.of(setup)
+    design = MeasuredDesign.of(setup, budget.fringes)
     trials = Trials.of(design, budget)
     sources = known_sources(setup.scene) | {source.name: source for source in trials.sources}
     found = {one.source.name: one for one in sensitivities(design, list(sources.values()))}

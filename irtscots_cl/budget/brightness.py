@@ -38,13 +38,13 @@ class Brightness:
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places: covariance with the factor over its mean."""
         slope, mean = self._gradient(design)
-        found: FloatArray = np.einsum("ijn,jn->in", design.light_covariance_mm2, slope) * value / (1 + value * mean)
+        found: FloatArray = np.einsum("ijn,jn->in", design.light.covariance_mm2, slope) * value / (1 + value * mean)
         return found
 
     def derivative(self, design: MeasuredDesign) -> FloatArray:
         """Changes [2, n] per unit."""
         slope, _ = self._gradient(design)
-        found: FloatArray = np.einsum("ijn,jn->in", design.light_covariance_mm2, slope)
+        found: FloatArray = np.einsum("ijn,jn->in", design.light.covariance_mm2, slope)
         return found
 
     def _gradient(self, design: MeasuredDesign) -> tuple[FloatArray, FloatArray]:

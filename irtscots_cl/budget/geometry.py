@@ -49,3 +49,10 @@ def geometry_derivatives(design: MeasuredDesign, names: Sequence[str]) -> FloatA
     jacobian = centroid_jacobian(design.setup, names, design.seen.pixels)
     found: FloatArray = np.moveaxis(jacobian, -1, 0)
     return found
+
+
+def geometry_derivative(design: MeasuredDesign, name: str) -> FloatArray:
+    """Changes (du, dv) [2, n] of the places per unit of one number, made once for a design."""
+    if name not in design.derivatives:
+        design.derivatives[name] = geometry_derivatives(design, [name])[0]
+    return design.derivatives[name]

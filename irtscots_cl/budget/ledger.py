@@ -13,7 +13,6 @@ from itertools import combinations
 
 import numpy as np
 
-from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.trials import Trials
 from irtscots_cl.maths.arrays import FloatArray
 
@@ -52,8 +51,7 @@ def ledger(trials: Trials, trial: int, order: Sequence[str] | None = None) -> Le
 
 def _second_order(trials: Trials, trial: int, values: Mapping[str, float]) -> dict[str, float]:
     """The most in mm that other sources change in each source's row."""
-    design = MeasuredDesign.of(trials.design.setup, COARSE)
-    coarse = Trials(design, trials.budget, trials.sources)
+    coarse = Trials(trials.design.coarse(COARSE), trials.budget, trials.sources)
     alone = dict(zip(values, _heights(coarse, trial, [{name: value} for name, value in values.items()]), strict=True))
     pairs = list(combinations(values, 2))
     both = _heights(coarse, trial, [{a: values[a], b: values[b]} for a, b in pairs])

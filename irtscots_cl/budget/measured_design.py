@@ -12,12 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
+from irtscots_cl.budget.frames import Frames, FringeFrames, LineFrames
+from irtscots_cl.budget.light_sample import LightSample
 from irtscots_cl.calibration.height_response import HeightResponse
-from irtscots_cl.calibration.ray_changes import RayChanges, ray_changes
-from irtscots_cl.calibration.seen_pixels import MOST_PER_AXIS, SeenPixels, seen_pixels
+from irtscots_cl.calibration.seen_pixels import SeenPixels, seen_pixels
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.reconstruction import surface_of
-from irtscots_cl.optics.pixel.ray_map import RayMap
 from irtscots_cl.optics.setup import Setup
 
 METHOD = "southwell"
@@ -25,16 +25,26 @@ METHOD = "southwell"
 
 @dataclass(frozen=True)
 class MeasuredDesign:
-    """A design with the n pixels on which it is judged. seen: their grid [rows, columns]."""
+    """A design with the n pixels on which it is judged. seen: their grid [rows, columns].
+
+    fringes: numbers of periods over the screen and steps; None for scans of single lines. derivatives: of the places by
+    numbers of the geometry, as they are asked for.
+    """
 
     setup: Setup
     seen: SeenPixels = field(repr=False)
+    fringes: tuple[tuple[float, ...], int] | None = None
+    derivatives: dict[str, FloatArray] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
-    def of(cls, setup: Setup, most_per_axis: int = MOST_PER_AXIS) -> MeasuredDesign:
-        """Of a set-up's design, with so many pixels at most. Raises the errors of seen_pixels."""
+    def of(cls, setup: Setup, fringes: tuple[tuple[float, ...], int] | None = None) -> MeasuredDesign:
+        """Of a set-up's design. Raises the errors of seen_pixels."""
         nominal = setup.nominal
-        return cls(nominal, seen_pixels(nominal, most_per_axis))
+        return cls(nominal, seen_pixels(nominal), fringes)
+
+    def coarse(self, most_per_axis: int) -> MeasuredDesign:
+        """The same on fewer pixels."""
+        return MeasuredDesign(self.setup, seen_pixels(self.setup, most_per_axis), self.fringes)
 
     @property
     def count(self) -> int:
@@ -53,24 +63,16 @@ class MeasuredDesign:
         return HeightResponse.of(self.setup, self.seen, METHOD)
 
     @cached_property
-    def ray_changes(self) -> RayChanges:
-        """Derivatives of the places by camera, screen and mirror."""
-        return ray_changes(self.setup.chief_rays, *self.seen.pixels)
+    def light(self) -> LightSample:
+        """What the pixels see of the screen."""
+        return LightSample.of(self.setup, self.seen)
 
     @cached_property
-    def light_covariance_mm2(self) -> FloatArray:
-        """Covariance [2, 2, n] of the places of the screen's pixels that one pixel of the detector sees.
-
-        Of its light over its footprint and the camera's aperture, by the local map's linear part (a pixel is uniform
-        over (-1, 1) in s and t, the aperture a uniform disk), and of the places within one pixel of the screen.
-        """
-        maps = RayMap.of(self.setup.chief_rays, *self.seen.pixels)
-        variance = {"s": 1 / 3, "t": 1 / 3, "a": 1 / 4, "b": 1 / 4}
-        slopes = {key: np.stack([maps.term("u", key), maps.term("v", key)]) for key in variance}
-        found: FloatArray = sum(
-            np.einsum("in,jn->ijn", slopes[key], slopes[key]) * share for key, share in variance.items()
-        )  # type: ignore[assignment]
-        return found + np.diag(np.square(self.setup.scene.screen.pitch_xy_mm) / 12)[..., None]
+    def frames(self) -> Frames:
+        """The frames of line scans, or of the fringes."""
+        if self.fringes is None:
+            return LineFrames(self.setup.chief_rays, self.light)
+        return FringeFrames(self.setup.scene.screen, self.places_mm, *self.fringes)
 
     def heights_mm(self, changes_mm: FloatArray) -> FloatArray:
         """Heights [..., n] in mm that the measurement makes of places that differ by changes_mm [..., 2, n].

@@ -43,7 +43,7 @@ class PhotonNoise:
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
-        width = np.sqrt(np.einsum("iin->in", design.light_covariance_mm2))
+        width = np.sqrt(np.einsum("iin->in", design.light.covariance_mm2))
         numbers = normal(draw.seed, stream_of(self.name), (draw.trial, 0), 2 * design.count)
         found: FloatArray = value * width * numbers.reshape(2, -1)
         return found

@@ -12,11 +12,12 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, Strict, model_validator
 
 from irtscots_cl.scene.calibration_known import flat_names
-from irtscots_cl.scene.validation import Seed, bounded, checked, refuse
+from irtscots_cl.scene.validation import Seed, array_of, bounded, checked, refuse
 
 _SIZE = bounded(gt=0, le=1e6)
 _Size = Annotated[Annotated[float, Strict(), _SIZE] | None, Field(description=_SIZE.description)]
 _COST = bounded(ge=0, le=1e12)
+_Periods = Annotated[float, Strict(), bounded(gt=0, le=1e4)]
 _NM = bounded(gt=0, le=1e9)
 KINDS = ("normal", "uniform", "triangular")
 
@@ -64,8 +65,8 @@ def _sources(table: Any) -> Any:
 
 @checked("budget")
 class Budget:
-    """sources: name -> Distribution. allow_nm: what the test may cost. remove: terms taken out of the height before it
-    is judged. Raises SceneError for a value that is not allowed.
+    """sources: name -> Distribution. periods, steps: of the fringes; without periods, single lines are scanned.
+    allow_nm: what the test may cost. Raises SceneError for a value that is not allowed.
     """
 
     sources: Annotated[
@@ -73,9 +74,16 @@ class Budget:
         BeforeValidator(_sources),
         Field(description='a table of names with standard deviations: "camera.x_mm" = 0.1, or { uniform = 0.1 }'),
     ] = Field(default_factory=dict)
+    periods: Annotated[tuple[_Periods, ...], *array_of("an array of numbers of periods over the screen")] = ()
+    steps: Annotated[int, Strict(), Field(ge=3, le=1000, description="an integer from 3 to 1000")] = 8
     trials: Annotated[int, Strict(), Field(ge=2, le=2**20, description="an integer from 2 to 1048576")] = 512
     seed: Seed = 1
     allow_nm: Annotated[Annotated[float, Strict(), _NM] | None, Field(description=_NM.description)] = None
 
     def __hash__(self) -> int:  # a dict has none
-        return hash((frozenset(self.sources.items()), self.trials, self.seed, self.allow_nm))
+        return hash((frozenset(self.sources.items()), self.periods, self.steps, self.trials, self.seed, self.allow_nm))
+
+    @property
+    def fringes(self) -> tuple[tuple[float, ...], int] | None:
+        """Numbers of periods and steps; None for scans of single lines."""
+        return (self.periods, self.steps) if self.periods else None
