@@ -9,7 +9,7 @@ from irtscots_cl.budget.ledger import Ledger, ledger
 from irtscots_cl.budget.linear import LinearBudget, linear_budget
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.monte_carlo import MonteCarlo, monte_carlo
-from irtscots_cl.budget.sensitivity import Sensitivity, sensitivities
+from irtscots_cl.budget.sensitivity import MANY_DRAWS, Sensitivity, sensitivities
 from irtscots_cl.budget.sources import known_sources
 from irtscots_cl.budget.tolerances import QuadraticError, Tolerances, tolerances
 from irtscots_cl.budget.trials import Trials
@@ -47,8 +47,9 @@ def assess(
         raise ValueError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
     design = MeasuredDesign.of(setup, budget.fringes)
     trials = Trials.of(design, budget)
-    sources = known_sources(setup.scene) | {source.name: source for source in trials.sources}
-    found = {one.source.name: one for one in sensitivities(design, list(sources.values()))}
+    others = [source for name, source in known_sources(setup.scene).items() if name not in budget.sources]
+    found = {one.source.name: one for one in sensitivities(design, others)}
+    found |= {one.source.name: one for one in sensitivities(design, trials.sources, MANY_DRAWS)}
     if not budget.sources:
         return ErrorBudget(trials, found, None, None, trial, None, None)
     own = {name: found[name] for name in budget.sources}

@@ -17,7 +17,8 @@ from irtscots_cl.budget.source import Draw, Source
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.zernike.polynomials import zernike
 
-DRAWS = 32  # of a process
+DRAWS = 32  # of a process: its rms to 12 %
+MANY_DRAWS = 512  # of one whose intervals are wanted: standard deviations to 3 %
 NOLLS = tuple(range(1, 16))  # terms that are stated: to radial order 4
 DIFFERENCE = 1e-3  # of the usual value, for derivatives by differences
 NONLINEAR = 0.01  # share of the height that is not in proportion to the value, where linearity ends
@@ -42,11 +43,11 @@ class Sensitivity:
     linear_to: float
 
 
-def sensitivities(design: MeasuredDesign, sources: Sequence[Source], seed: int = 0) -> list[Sensitivity]:
-    """Of all sources, from closed-form derivatives of the places where there are any."""
+def sensitivities(design: MeasuredDesign, sources: Sequence[Source], draws: int = DRAWS) -> list[Sensitivity]:
+    """Of all sources, from closed-form derivatives of the places where there are any. draws: of each process."""
     parameters = [source for source in sources if not source.is_process]
     found = {one.source.name: one for one in _of_parameters(design, parameters)}
-    found |= {source.name: _of_process(design, source, seed) for source in sources if source.is_process}
+    found |= {source.name: _of_process(design, source, draws) for source in sources if source.is_process}
     return [found[source.name] for source in sources]
 
 
@@ -86,22 +87,30 @@ def _linear_to(usual: float, height_mm: FloatArray, up_down_mm: FloatArray) -> f
     return float(usual * min(limits))
 
 
-def _of_process(design: MeasuredDesign, source: Source, seed: int) -> Sensitivity:
+def _of_process(design: MeasuredDesign, source: Source, draws: int) -> Sensitivity:
     usual = source.usual
-    places = np.stack([source.changes_mm(design, usual, Draw(seed, k)) for k in range(DRAWS)]) / usual
-    heights = design.response.heights_mm(places)
+    heights = np.concatenate([
+        design.response.heights_mm(
+            np.stack([source.changes_mm(design, usual, Draw(0, k)) for k in range(first, min(first + DRAWS, draws))])
+        )
+        / usual
+        for first in range(0, draws, DRAWS)
+    ])  # fmt: skip
     squares = design.response.left(heights) ** 2
     left = np.sqrt(squares.mean(0))
-    error = float(squares[:, 0].std(ddof=1) / np.sqrt(DRAWS) / squares[:, 0].mean() / 2)
+    error = float(squares[:, 0].std(ddof=1) / np.sqrt(draws) / squares[:, 0].mean() / 2)
     terms = np.sqrt(np.mean(zernike_coefficients(design, heights) ** 2, axis=0))
     return Sensitivity(source, heights, left * NM, terms * NM, error, np.inf)
 
 
 def zernike_coefficients(design: MeasuredDesign, heights: FloatArray) -> FloatArray:
     """Coefficients [..., terms] of NOLLS, fitted together, of heights [..., n], in their unit."""
+    found: FloatArray = heights @ np.linalg.pinv(zernike_basis(design)).T
+    return found
+
+
+def zernike_basis(design: MeasuredDesign) -> FloatArray:
+    """Values [n, terms] of NOLLS at the pixels, on the mirror's disk."""
     seen, radius = design.seen, design.setup.chief_rays.surface.aperture_radius_mm
     x, y = seen.x_mm[seen.mask] / radius, seen.y_mm[seen.mask] / radius
-    basis = np.stack([zernike(noll, x, y) for noll in NOLLS], -1)
-    inverse = np.linalg.pinv(basis)
-    found: FloatArray = heights @ inverse.T
-    return found
+    return np.stack([zernike(noll, x, y) for noll in NOLLS], -1)

@@ -9,17 +9,20 @@ from small_budget import SOURCES, small_trials
 
 from irtscots_cl.budget.linear import linear_budget
 from irtscots_cl.budget.monte_carlo import monte_carlo
-from irtscots_cl.budget.sensitivity import sensitivities
+from irtscots_cl.budget.sensitivity import DRAWS, sensitivities
+
+
+LINEAR = {name: given for name, given in SOURCES.items() if name != "screen.tilt_x_rad"}  # its cosine matters soon
 
 
 @pytest.fixture(scope="module")
 def trials():
-    return small_trials(trials=400)
+    return small_trials(trials=400, sources=LINEAR, pixels=31)
 
 
 @pytest.fixture(scope="module")
 def linear(trials):
-    found = {one.source.name: one for one in sensitivities(trials.design, trials.sources)}
+    found = {one.source.name: one for one in sensitivities(trials.design, trials.sources, DRAWS)}
     return linear_budget(trials.design, found, trials.budget.sources)
 
 
@@ -33,7 +36,7 @@ def test_the_covariance_of_the_trials_is_the_predicted_one(trials, linear, sprea
     found, told = spread.zernike_covariance_nm2, linear.zernike_covariance_nm2
     variance = np.diag(told)
     sigma = np.sqrt((told**2 + np.outer(variance, variance)) / trials.budget.trials)
-    noise = np.sqrt(np.outer(variance, variance) * 2 / 32)  # what the draws of the process leave, at most
+    noise = np.sqrt(np.outer(variance, variance) * 2 / DRAWS)  # what the draws of the process leave, at most
     assert np.all(np.abs(found - told) < 4.4 * np.hypot(sigma, noise))
 
 
@@ -55,17 +58,17 @@ def test_sobol_indices_are_those_of_scipy(trials, linear):
               "triangular": lambda s: stats.triang(0.5, loc=-s, scale=2 * s)}  # fmt: skip
     indices = stats.sobol_indices(
         func=lambda x: np.mean((x.T @ maps) ** 2, axis=-1)[None],
-        n=2**13,
+        n=2**11,
         dists=[shapes[given[name].kind](given[name].size) for name in names],
         rng=np.random.default_rng(1),
     )
     for k, name in enumerate(names):
-        assert only.first[name] == pytest.approx(indices.first_order[k], abs=0.03)
-        assert only.total[name] == pytest.approx(indices.total_order[k], abs=0.03)
+        assert only.first[name] == pytest.approx(indices.first_order[k], abs=0.05)
+        assert only.total[name] == pytest.approx(indices.total_order[k], abs=0.05)
 
 
 def test_shares_are_whole(linear):
-    assert set(linear.first) == set(SOURCES)
+    assert set(linear.first) == set(LINEAR)
     assert sum(linear.first.values()) < 1 < sum(linear.total.values())  # sources mix in a mean square
 
 

@@ -17,7 +17,7 @@ from irtscots_cl.scene.error_sources import Distribution
 
 @pytest.fixture(scope="module")
 def trials():
-    return small_trials(trials=512)
+    return small_trials(trials=256, pixels=31)
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +32,9 @@ def error(trials, found):
 
 def test_the_quantile_is_that_of_trials(trials, error):
     spread = monte_carlo(trials)
-    # a 95 % quantile of 512 trials is known to 4 %; theirs are evenly placed
-    assert error.nm() == pytest.approx(spread.percentile_nm(0.95)[0], rel=0.08)
-    assert error.nm(coverage=0.5) == pytest.approx(spread.percentile_nm(0.5)[0], rel=0.08)
+    # a 95 % quantile of 256 trials is known to 6 %; theirs are evenly placed
+    assert error.nm() == pytest.approx(spread.percentile_nm(0.95)[0], rel=0.1)
+    assert error.nm(coverage=0.5) == pytest.approx(spread.percentile_nm(0.5)[0], rel=0.1)
 
 
 def test_a_single_normal_source_has_the_normal_quantile(trials, found):
