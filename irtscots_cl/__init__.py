@@ -19,6 +19,7 @@ The folders, in order: each imports only from folders above it.
     measurement  MEASUREMENT: images and design to height. Never imports tracing, opencl, execution.
     analysis     Truth meets measurement: errors, error terms, stray light.
     calibration  What is not known about a test's geometry, and what its images say about it.
+    budget       What each error source of a test costs in nanometres of height, before there is any hardware.
     report       Results for people and programs: tables, JSON, HTML, HDF5, figures.
     pipeline     The ready-made jobs: simulate, measure, reach a target.
     bench        How fast rays are traced, how the time grows with a job, and which error is had for which time.

@@ -22,6 +22,7 @@ from irtscots_cl.scene.calibration_known import Calibration, Knowledge
 from irtscots_cl.scene.camera_intrinsics import Intrinsics, check_intrinsics
 from irtscots_cl.scene.detector_noise import DetectorNoise
 from irtscots_cl.scene.element import ALLOWS, KINDS, NEEDS, Element
+from irtscots_cl.scene.error_sources import Budget, Distribution
 from irtscots_cl.scene.height_map import MirrorMap
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
@@ -42,6 +43,7 @@ MEANINGS = (
         "camera": "aperture, lens and detector",
         "element": "surfaces that only `--estimator nonsequential` and `irtscots paths` use",
         "calibration": "what is known of the geometry beforehand, for `irtscots calibrate` and `irtscots identify`",
+        "budget": "the errors that the test is expected to have, for `irtscots budget`",
     }),
     ("[mirror]", Mirror, "A conic of revolution, or an off-axis segment of one, or a plane, with a round rim.", {
         "radius_mm": "radius of curvature at the vertex (of the parent); above 0: concave, below 0: convex, inf: flat",
@@ -253,6 +255,22 @@ MEANINGS = (
         "sigma": "standard deviation, in the unit of the name",
         "mm": "of a distance: the measured one; without it, the scene's own",
         "source": "where it comes from",
+    }),
+    ("[budget]", Budget, "The errors that the test is expected to have, for `irtscots budget`: "
+     "[budget.md](budget.md).", {
+        "sources": "distribution of each source's value, by name",
+        "periods": "of fringes over the screen, by series; without them, single lines are scanned",
+        "steps": "of the fringes of each series",
+        "trials": "tests that are tried with all errors at once",
+        "seed": "of their random numbers",
+        "allow_nm": "rms height error that the test may have",
+    }),
+    ('[budget.sources], "NAME" = { ... }', Distribution, "Distribution of a source's value about 0, where a standard "
+     "deviation alone does not say enough.", {
+        "normal": "standard deviation of a normal distribution",
+        "uniform": "half the width of an even one",
+        "triangular": "half the width of a triangular one",
+        "cost": "what it costs to calibrate this source away, in any unit of money",
     }),
     ("[[element]]", Element, "A surface with its effect on light: `mirror` reflects in front and is black behind, "
      "`refractor` is an interface of two media, `lens` is paraxial, `absorber` is black, `detector` is black and "

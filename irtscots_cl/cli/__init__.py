@@ -15,6 +15,7 @@ from typing import NoReturn
 
 from irtscots_cl.cli import (
     bench,
+    budget,
     calibrate,
     convert,
     design_patterns,
@@ -44,8 +45,8 @@ from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
 COMMANDS = (
-    run, scenes, devices, kernel, paths, design_patterns, patterns, reconstruct, calibrate, identify, height_map,
-    convert, transfer, reproduce, bench, stability,
+    run, scenes, devices, kernel, paths, design_patterns, patterns, reconstruct, calibrate, identify, budget,
+    height_map, convert, transfer, reproduce, bench, stability,
 )  # fmt: skip
 
 

@@ -34,21 +34,28 @@ class Knowledge:
     ] = ""
 
 
-def _flat(table: Any) -> Any:
-    """The table with one level of keys: TOML reads camera.x_mm without quotes as a table in a table."""
+def flat_names(table: Any, keys: tuple[str, ...], of_number: str) -> Any:
+    """The table with one level of keys: TOML reads camera.x_mm without quotes as a table in a table.
+
+    keys: of a value that is a table. of_number: the key that a plain number stands for.
+    """
     if not isinstance(table, dict):
         return table
     found: dict[Any, Any] = {}
     for key, value in table.items():
-        if isinstance(value, dict) and not value.keys() & {"sigma", "mm", "source"}:
-            found |= {f"{key}.{inner}": part for inner, part in _flat(value).items()}
+        if isinstance(value, dict) and not value.keys() & set(keys):
+            found |= {f"{key}.{inner}": part for inner, part in flat_names(value, keys, of_number).items()}
         elif isinstance(value, float | int):
-            found[key] = {"sigma": value}
-        elif isinstance(value, dict | Knowledge):
+            found[key] = {of_number: value}
+        elif isinstance(value, dict) or hasattr(value, of_number):
             found[key] = value
         else:
-            refuse((key,), value, "be a number, or a table { sigma, mm, source }")
+            refuse((key,), value, f"be a number, or a table {{ {', '.join(keys)} }}")
     return found
+
+
+def _flat(table: Any) -> Any:
+    return flat_names(table, ("sigma", "mm", "source"), "sigma")
 
 
 @checked("calibration")

@@ -31,7 +31,7 @@ OPTIONAL_TABLES = {  # keys of tables that few scenes have, by the path of the t
     ("screen",): ("response", "shape", "cover_glass", "lines"),
     ("camera",): ("intrinsics",),
     ("camera", "detector"): ("noise",),
-    (): ("calibration",),
+    (): ("calibration", "budget"),
 }
 ZERNIKE_KEYS = {"noll_um": "noll", "fringe_um": "fringe", "osa_um": "osa"}
 
@@ -41,6 +41,7 @@ class Scene:
     """One test: the mirror, the screen, the camera and further elements.
 
     calibration: a calibration_known.Calibration, or None where nothing is said of how well the geometry is known.
+    budget: an error_sources.Budget, or None where no errors are expected.
     """
 
     name: SceneName
@@ -49,11 +50,14 @@ class Scene:
     camera: Annotated[Camera, Field(description="a table [camera]")]
     element: Annotated[tuple[Element, ...], Field(description="tables [[element]]")] = ()
     calibration: Annotated[Any, Field(description="a table [calibration.known]")] = None
+    budget: Annotated[Any, Field(description="a table [budget]")] = None
 
     @model_validator(mode="after")
     def _check(self) -> Scene:
         if self.calibration is not None and not hasattr(self.calibration, "known"):
             refuse(("calibration",), self.calibration, "be a Calibration of irtscots_cl.scene.calibration_known")
+        if self.budget is not None and not hasattr(self.budget, "sources"):
+            refuse(("budget",), self.budget, "be a Budget of irtscots_cl.scene.error_sources")
         names = [element.name for element in self.element]
         for k, name in enumerate(names):
             if name in names[:k]:

@@ -23,6 +23,7 @@ KINDS = {  # path of keys -> (module of irtscots_cl.scene, its checked dataclass
     ("mirror", "asphere"): ("asphere", "Asphere"),
     ("mirror", "outline"): ("outline", "Outline"),
     ("calibration",): ("calibration_known", "Calibration"),
+    ("budget",): ("error_sources", "Budget"),
 }
 LISTS: dict[tuple[str, ...], tuple[str, str]] = {  # the same for arrays of tables
     ("mirror", "polynomial"): ("polynomial", "Polynomial"),

@@ -1,0 +1,60 @@
+"""The error budget of a test: sensitivities, linear prediction, trials and one trial's ledger together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from irtscots_cl.budget.ledger import Ledger, ledger
+from irtscots_cl.budget.linear import LinearBudget, linear_budget
+from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.monte_carlo import MonteCarlo, monte_carlo
+from irtscots_cl.budget.sensitivity import MANY_DRAWS, Sensitivity, sensitivities
+from irtscots_cl.budget.sources import known_sources
+from irtscots_cl.budget.tolerances import QuadraticError, Tolerances, tolerances
+from irtscots_cl.budget.trials import Trials
+from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.error_sources import Budget
+from irtscots_cl.scene.model import Scene
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """sensitivities: of all sources that there are, and those of the budget. linear, monte_carlo, ledger: of the
+    budget's sources; None without any. trial: whose ledger it is. tolerances: None where nothing is said to be allowed.
+    """
+
+    trials: Trials
+    sensitivities: dict[str, Sensitivity] = field(repr=False)
+    linear: LinearBudget | None = field(repr=False)
+    monte_carlo: MonteCarlo | None = field(repr=False)
+    trial: int
+    ledger: Ledger | None = field(repr=False)
+    tolerances: Tolerances | None = field(repr=False)
+
+
+def assess(
+    scene: Scene | Setup, budget: Budget | None = None, trial: int = 0, done: Callable[[int], None] = lambda count: None
+) -> ErrorBudget:
+    """The error budget of a scene's design. Needs no device.
+
+    budget: by default the scene's own. trial: whose ledger is made. done: called with the number of finished trials.
+    Raises SceneError for an unknown source or a set-up without light, ValueError for a trial that there is not.
+    """
+    setup = Setup.of(scene)
+    budget = budget or setup.scene.budget or Budget()
+    if not 0 <= trial < budget.trials:
+        raise ValueError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
+    design = MeasuredDesign.of(setup, budget.fringes)
+    trials = Trials.of(design, budget)
+    others = [source for name, source in known_sources(setup.scene).items() if name not in budget.sources]
+    found = {one.source.name: one for one in sensitivities(design, others)}
+    found |= {one.source.name: one for one in sensitivities(design, trials.sources, MANY_DRAWS)}
+    if not budget.sources:
+        return ErrorBudget(trials, found, None, None, trial, None, None)
+    own = {name: found[name] for name in budget.sources}
+    allowed = None
+    if budget.allow_nm is not None:
+        allowed = tolerances(QuadraticError(design, own, budget.sources), budget.allow_nm)
+    linear, spread = linear_budget(design, own, budget.sources), monte_carlo(trials, done)
+    return ErrorBudget(trials, found, linear, spread, trial, ledger(trials, trial), allowed)

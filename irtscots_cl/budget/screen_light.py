@@ -1,0 +1,77 @@
+"""Error sources: light of the screen that differs from pixel to pixel, or from frame to frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.motion import of_frames, times
+from irtscots_cl.budget.source import Draw, stream_of
+from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.counter_random import normal, uniform
+
+
+@dataclass(frozen=True)
+class PixelBrightness:
+    """Brightness of every pixel of the screen: an independent factor, uniform within 1 +- value."""
+
+    name: str = "screen.brightness_random"
+    unit: str = ""
+    text: str = "factor on each pixel of the screen, uniform within 1 +- value"
+    usual: float = 0.1
+    is_process: bool = True
+
+    def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
+        """Changes (du, dv) [2, n] of the places in one trial: of the mean of what a pixel sees, weighted."""
+        columns, rows = design.setup.scene.screen.pixels
+        even = uniform(draw.seed, stream_of(self.name), (draw.trial, 0), columns * rows)
+        factor = 1 + value * (2 * even - 1)
+        return weighted(design, factor.reshape(rows, columns))
+
+
+def weighted(design: MeasuredDesign, factor: FloatArray) -> FloatArray:
+    """Changes (du, dv) [2, n] of the places by a factor [rows, columns] on the light of the screen's pixels.
+
+    NaN for a pixel all of whose light has a factor of 0.
+    """
+    shares, screen = design.light.of_pixels, design.setup.scene.screen
+    total = shares @ factor.ravel()
+    found = np.empty((2, design.count))
+    for axis, number in enumerate(np.meshgrid(*(np.arange(k) for k in screen.pixels))):
+        place = number * screen.pitch_xy_mm[axis]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found[axis] = shares @ (factor * place).ravel() / total - shares @ place.ravel()
+    return found
+
+
+@dataclass(frozen=True)
+class FrameBrightness:
+    """Brightness of the whole screen: independent in every frame, normal."""
+
+    name: str = "screen.brightness_jitter"
+    unit: str = ""
+    text: str = "relative rms of the screen's brightness from frame to frame"
+    usual: float = 1e-2
+    is_process: bool = True
+
+    def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
+        """Changes (du, dv) [2, n] of the places in one trial."""
+        factors = value * normal(draw.seed, stream_of(self.name), (draw.trial, 0), sum(design.frames.counts))
+        return of_frames(design, factors, shift=False)
+
+
+@dataclass(frozen=True)
+class BrightnessDrift:
+    """Brightness of the whole screen: linear over all frames."""
+
+    name: str = "screen.brightness_drift"
+    unit: str = ""
+    text: str = "relative change of the screen's brightness from the first to the last frame"
+    usual: float = 1e-2
+    is_process: bool = False
+
+    def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
+        """Changes (du, dv) [2, n] of the places."""
+        return of_frames(design, value * times(design), shift=False)

@@ -1,0 +1,116 @@
+"""One source at a time: the height map per unit of its value, and up to which value it grows in proportion.
+
+Of a parameter the map is signed; its derivative is exact. Of a process it is random: what is stated is the rms over
+maps and draws, with its standard error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from irtscots_cl.budget.geometry import Geometry, geometry_derivatives
+from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.source import Draw, Source
+from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.zernike.polynomials import zernike
+
+DRAWS = 32  # of a process: its rms to 12 %
+MANY_DRAWS = 512  # of one whose intervals are wanted: standard deviations to 3 %
+NOLLS = tuple(range(1, 16))  # terms that are stated: to radial order 4
+DIFFERENCE = 1e-3  # of the usual value, for derivatives by differences
+NONLINEAR = 0.01  # share of the height that is not in proportion to the value, where linearity ends
+NOTHING_MM = 1e-10  # rms height: a source that does nothing but rounding
+NM = 1e6
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Of one source, per unit of its value.
+
+    height_mm: [n] of a parameter; [draws, n] of a process. left_nm: [4] rms with height_response.LEFT_AFTER removed.
+    zernike_nm: [terms] of NOLLS; of a process their rms. error: relative standard error of these; 0 for parameters.
+    linear_to: value from which more than NONLINEAR of the height is not in proportion; inf for a process.
+    """
+
+    source: Source
+    height_mm: FloatArray = field(repr=False)
+    left_nm: FloatArray
+    zernike_nm: FloatArray = field(repr=False)
+    error: float
+    linear_to: float
+
+
+def sensitivities(design: MeasuredDesign, sources: Sequence[Source], draws: int = DRAWS) -> list[Sensitivity]:
+    """Of all sources, from closed-form derivatives of the places where there are any. draws: of each process."""
+    parameters = [source for source in sources if not source.is_process]
+    found = {one.source.name: one for one in _of_parameters(design, parameters)}
+    found |= {source.name: _of_process(design, source, draws) for source in sources if source.is_process}
+    return [found[source.name] for source in sources]
+
+
+def _of_parameters(design: MeasuredDesign, sources: Sequence[Source]) -> list[Sensitivity]:
+    if not sources:
+        return []
+    draw = Draw(0, 0)  # parameters take no random numbers
+    names = [source.name for source in sources if isinstance(source, Geometry)]
+    exact = dict(zip(names, geometry_derivatives(design, names), strict=True)) if names else {}
+    places, both = [], []
+    for source in sources:
+        small, usual = DIFFERENCE * source.usual, source.usual
+        if (derivative := exact.get(source.name)) is None:
+            up, down = (source.changes_mm(design, sign * small, draw) for sign in (1, -1))
+            derivative = (up - down) / (2 * small)
+        places.append(derivative)
+        both += [source.changes_mm(design, sign * usual, draw) for sign in (1, -1)]
+    heights = design.response.heights_mm(np.stack(places))
+    up_down = design.heights_mm(np.stack(both)).reshape(len(sources), 2, -1)
+    left = design.response.left(heights) * NM
+    terms = zernike_coefficients(design, heights) * NM
+    return [
+        Sensitivity(source, heights[k], left[k], terms[k], 0.0, _linear_to(source.usual, heights[k], up_down[k]))
+        for k, source in enumerate(sources)
+    ]
+
+
+def _linear_to(usual: float, height_mm: FloatArray, up_down_mm: FloatArray) -> float:
+    """From heights [2, n] at plus and minus the usual value: the even part grows with its square, the odd's excess with
+    its cube."""
+    size = float(np.sqrt(np.mean(height_mm**2))) * usual
+    even = float(np.sqrt(np.mean((up_down_mm[0] + up_down_mm[1]) ** 2))) / 2
+    odd = float(np.sqrt(np.mean(((up_down_mm[0] - up_down_mm[1]) / 2 - height_mm * usual) ** 2)))
+    if max(size, even, odd) < NOTHING_MM:
+        return np.inf
+    limits = (NONLINEAR * size / max(even, NOTHING_MM), np.sqrt(NONLINEAR * size / max(odd, NOTHING_MM)))
+    return float(usual * min(limits))
+
+
+def _of_process(design: MeasuredDesign, source: Source, draws: int) -> Sensitivity:
+    usual = source.usual
+    heights = np.concatenate([
+        design.response.heights_mm(
+            np.stack([source.changes_mm(design, usual, Draw(0, k)) for k in range(first, min(first + DRAWS, draws))])
+        )
+        / usual
+        for first in range(0, draws, DRAWS)
+    ])  # fmt: skip
+    squares = design.response.left(heights) ** 2
+    left = np.sqrt(squares.mean(0))
+    error = float(squares[:, 0].std(ddof=1) / np.sqrt(draws) / squares[:, 0].mean() / 2)
+    terms = np.sqrt(np.mean(zernike_coefficients(design, heights) ** 2, axis=0))
+    return Sensitivity(source, heights, left * NM, terms * NM, error, np.inf)
+
+
+def zernike_coefficients(design: MeasuredDesign, heights: FloatArray) -> FloatArray:
+    """Coefficients [..., terms] of NOLLS, fitted together, of heights [..., n], in their unit."""
+    found: FloatArray = heights @ np.linalg.pinv(zernike_basis(design)).T
+    return found
+
+
+def zernike_basis(design: MeasuredDesign) -> FloatArray:
+    """Values [n, terms] of NOLLS at the pixels, on the mirror's disk."""
+    seen, radius = design.seen, design.setup.chief_rays.surface.aperture_radius_mm
+    x, y = seen.x_mm[seen.mask] / radius, seen.y_mm[seen.mask] / radius
+    return np.stack([zernike(noll, x, y) for noll in NOLLS], -1)

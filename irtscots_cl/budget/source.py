@@ -1,0 +1,48 @@
+"""What an error source is: by how much its value changes the places that pixels see.
+
+A *parameter* has one value in a test, drawn from its distribution: a camera that is off, a screen brighter at one side.
+A *process* makes many random numbers in a test, and its value is their size: the noise of pixels, vibration.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from typing import Protocol
+
+from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.maths.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Draw:
+    """Which random numbers of a process: those of a trial, by seed; the process's own stream comes from its name."""
+
+    seed: int
+    trial: int
+
+
+def stream_of(name: str) -> int:
+    """The stream of random numbers of a process, from its name: the same whatever else is on."""
+    return zlib.crc32(name.encode())
+
+
+class Source(Protocol):
+    """name: as in [budget.sources], such as "camera.x_mm". unit: of its value; "" for a number. text: what it is.
+
+    usual: a value of the usual size, without calibration. is_process: its value is the size of random numbers.
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def usual(self) -> float: ...
+    @property
+    def is_process(self) -> bool: ...
+
+    def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
+        """Changes (du, dv) [2, n] of the places by a value; of a process, by one draw of that size."""

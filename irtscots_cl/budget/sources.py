@@ -1,0 +1,53 @@
+"""All error sources by name."""
+
+from __future__ import annotations
+
+from irtscots_cl.budget.brightness import TERMS, Brightness
+from irtscots_cl.budget.geometry import PREFIXES, Geometry, geometry
+from irtscots_cl.budget.motion import DRIFT, VIBRATION, Drift, Vibration
+from irtscots_cl.budget.noise import PhotonNoise, PlaceNoise
+from irtscots_cl.budget.screen_light import BrightnessDrift, FrameBrightness, PixelBrightness
+from irtscots_cl.budget.source import Source
+from irtscots_cl.calibration.parameters import known_parameters
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.validation import nearest, problem
+
+_FIXED: dict[str, Source] = {
+    source.name: source
+    for source in (
+        *(Brightness(term) for term in TERMS),
+        PixelBrightness(),
+        FrameBrightness(),
+        BrightnessDrift(),
+        PlaceNoise(),
+        PhotonNoise(),
+    )
+}
+
+
+def known_sources(scene: Scene) -> dict[str, Source]:
+    """Sources of a scene by name, without the mirror's Zernike terms (zernike.4_um and so on) and without motion, which
+    each number of the geometry can have (vibration.camera.x_mm, drift.camera.x_mm)."""
+    return {name: geometry(name, scene) for name in known_parameters(scene)} | _FIXED
+
+
+def source_of(name: str, scene: Scene) -> Source:
+    """The source of a name. Raises SceneError for an unknown one."""
+    if name in _FIXED:
+        return _FIXED[name]
+    moving = next((prefix for prefix in (VIBRATION, DRIFT) if name.startswith(prefix)), "")
+    of = name.removeprefix(moving)
+    if of.startswith(PREFIXES):
+        try:
+            found = geometry(of, scene)
+        except ValueError:
+            pass
+        else:
+            return {VIBRATION: Vibration, DRIFT: Drift}[moving](found) if moving else found
+    known = [*known_sources(scene), *(prefix + of for prefix in (VIBRATION, DRIFT) for of in known_parameters(scene))]
+    raise problem(scene.name, ("budget", "sources", name), f"unknown source; {nearest(name, known)}")
+
+
+def geometry_sources(sources: list[Source]) -> list[Geometry]:
+    """Those of the geometry, which act together."""
+    return [source for source in sources if isinstance(source, Geometry)]

@@ -1,0 +1,169 @@
+"""From what a test may cost back to what its parts may be off: tolerances, and which calibrations to buy first.
+
+All to first order: the mean square error of a trial is a quadratic form of the sources' values. Its quantile is taken
+over the points of one Sobol sequence, the same for every question, so that answers differ only by what was changed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import qmc
+
+from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.sensitivity import NM, Sensitivity
+from irtscots_cl.budget.trials import CENTRE, quantile
+from irtscots_cl.calibration.height_response import LEFT_AFTER
+from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.scene.error_sources import Distribution
+
+POINTS = 2**13  # of the sequence: the 95 % quantile is known to about 1 %
+COVERAGE = 0.95
+WIDEST = 1e6  # times its size: a source that may be off by more does nothing
+
+
+@dataclass(frozen=True)
+class QuadraticError:
+    """Quantiles of the rms height error in nm for any sizes of the sources.
+
+    given: the sources' distributions. remove: terms taken out of the height, one of LEFT_AFTER.
+    """
+
+    design: MeasuredDesign = field(repr=False)
+    found: Mapping[str, Sensitivity] = field(repr=False)
+    given: Mapping[str, Distribution]
+    remove: str = LEFT_AFTER[0]
+
+    @cached_property
+    def _parameters(self) -> tuple[str, ...]:
+        return tuple(name for name in sorted(self.given) if not self.found[name].source.is_process)
+
+    @cached_property
+    def _gram(self) -> FloatArray:
+        """Mean products [p, p] of the parameters' maps of their sizes, nm^2."""
+        if not self._parameters:
+            return np.zeros((0, 0))
+        maps = np.stack([self.found[name].height_mm * self.given[name].size for name in self._parameters])
+        left = self.design.response.without(maps, self.remove) * NM
+        gram: FloatArray = left @ left.T / left.shape[1]
+        return gram
+
+    @cached_property
+    def _points(self) -> FloatArray:
+        """Values [points, p] of the parameters over their sizes."""
+        names = self._parameters
+        if not names:
+            return np.zeros((1, 0))
+        sequence = qmc.Sobol(len(names), scramble=True, rng=np.random.default_rng(0))
+        shares = sequence.random_base2(round(math.log2(POINTS))) + CENTRE
+        columns = [quantile(self.given[name], shares[:, k]) / self.given[name].size for k, name in enumerate(names)]
+        return np.stack(columns, -1)
+
+    @cached_property
+    def _processes(self) -> dict[str, float]:
+        """Mean square in nm^2 of each process."""
+        level = LEFT_AFTER.index(self.remove)
+        return {
+            name: float((self.found[name].left_nm[level] * given.size) ** 2)
+            for name, given in self.given.items()
+            if self.found[name].source.is_process
+        }
+
+    def nm(self, factors: Mapping[str, float] | None = None, coverage: float = COVERAGE) -> float:
+        """The quantile with each source's size multiplied by a factor, 1 where none is given."""
+        by = factors or {}
+        scale = np.array([by.get(name, 1.0) for name in self._parameters])
+        points = self._points * scale
+        squares = np.einsum("si,ij,sj->s", points, self._gram, points, optimize=True)
+        squares = squares + sum(by.get(name, 1.0) ** 2 * square for name, square in self._processes.items())
+        return float(np.sqrt(np.quantile(squares, coverage)))
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """largest: size that one source may have, all others as given; 0 where these alone cost too much; inf for a source
+    that does nothing."""
+
+    name: str
+    given: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """One step of a plan: the source that is calibrated away, its cost or None, and the quantile in nm after it."""
+
+    name: str
+    cost: float | None
+    after_nm: float
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """allow_nm: what the test may cost, at a coverage. now_nm: what it costs. common_factor: by which all sizes would
+    have to be multiplied together. each: alone. plan: calibrations that reach it, the best value first, or all if even
+    they do not."""
+
+    allow_nm: float
+    coverage: float
+    now_nm: float
+    common_factor: float
+    each: tuple[Tolerance, ...]
+    plan: tuple[Calibration, ...]
+
+
+def tolerances(error: QuadraticError, allow_nm: float, coverage: float = COVERAGE) -> Tolerances:
+    """What the sources may be so that the rms height error stays within allow_nm with that coverage."""
+    now = error.nm(coverage=coverage)
+    each = tuple(
+        Tolerance(name, given.size, given.size * _largest(error, name, allow_nm, coverage))
+        for name, given in sorted(error.given.items())
+    )
+    common = allow_nm / now if now > 0 else math.inf  # the error is in proportion to all sizes together
+    return Tolerances(allow_nm, coverage, now, common, each, _plan(error, allow_nm, coverage))
+
+
+def _largest(error: QuadraticError, name: str, allow_nm: float, coverage: float) -> float:
+    """The factor on a source's size at which the quantile is what is allowed."""
+
+    def excess(factor: float) -> float:
+        return error.nm({name: factor}, coverage) - allow_nm
+
+    if excess(0.0) > 0:
+        return 0.0
+    if excess(WIDEST) < 0:
+        return math.inf
+    return float(brentq(excess, 0.0, WIDEST, xtol=1e-9, rtol=1e-6))
+
+
+def _plan(error: QuadraticError, allow_nm: float, coverage: float) -> tuple[Calibration, ...]:
+    """Sources calibrated away one after the other: by the fall of the mean square for each unit of cost.
+
+    Where no source has a cost all cost the same; where some have, the others cannot be calibrated.
+    """
+    with_cost = any(given.cost is not None for given in error.given.values())
+    open_names = [name for name, given in error.given.items() if given.cost is not None or not with_cost]
+    done: dict[str, float] = {}
+    found: list[Calibration] = []
+    now = error.nm(coverage=coverage)
+    while now > allow_nm and open_names:
+        after = {name: error.nm(done | {name: 0.0}, coverage) for name in open_names}
+
+        def worth(name: str, before: float = now, left: Mapping[str, float] = after) -> float:
+            return (before**2 - left[name] ** 2) / max(
+                error.given[name].cost or (1.0 if not with_cost else 0.0), 1e-300
+            )
+
+        best = max(open_names, key=worth)
+        if after[best] >= now:
+            break
+        now = after[best]
+        found.append(Calibration(best, error.given[best].cost, now))
+        done[best] = 0.0
+        open_names.remove(best)
+    return tuple(found)

@@ -1,0 +1,91 @@
+"""Trials: everything wrong at once, each trial a pure function of the seed and its number.
+
+The parameters of trial k are the k-th point of a scrambled Sobol sequence (Owen; scipy.stats.qmc), one dimension each,
+turned into values by the inverse of their distributions. Dimensions belong to names, in alphabetical order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.special import ndtri
+from scipy.stats import qmc
+
+from irtscots_cl.budget.geometry import geometry_changes
+from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.source import Draw, Source
+from irtscots_cl.budget.sources import geometry_sources, source_of
+from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.scene.error_sources import Budget, Distribution
+
+CENTRE = 2.0**-31  # of Sobol's cells: the numbers are multiples of 2^-30, and 0 has no inverse
+
+
+def quantile(distribution: Distribution, share: FloatArray) -> FloatArray:
+    """Values below which a share (0 to 1) of a distribution lies."""
+    size = distribution.size
+    if distribution.kind == "normal":
+        values: FloatArray = size * ndtri(share)
+        return values
+    if distribution.kind == "uniform":
+        return size * (2 * share - 1)
+    low = np.sqrt(2 * np.minimum(share, 1 - share))  # triangular
+    return size * np.where(share < 0.5, low - 1, 1 - low)
+
+
+@dataclass(frozen=True)
+class Trials:
+    """The trials of a budget on a design."""
+
+    design: MeasuredDesign
+    budget: Budget
+    sources: tuple[Source, ...] = field(repr=False)
+
+    @classmethod
+    def of(cls, design: MeasuredDesign, budget: Budget) -> Trials:
+        """Raises SceneError for an unknown source."""
+        scene = design.setup.scene
+        return cls(design, budget, tuple(source_of(name, scene) for name in sorted(budget.sources)))
+
+    @property
+    def parameters(self) -> tuple[Source, ...]:
+        return tuple(source for source in self.sources if not source.is_process)
+
+    @cached_property
+    def values(self) -> dict[str, FloatArray]:
+        """Values [trials] of the parameters by name."""
+        names = [source.name for source in self.parameters]
+        if not names:
+            return {}
+        sequence = qmc.Sobol(len(names), scramble=True, rng=np.random.default_rng(self.budget.seed))
+        points = sequence.random_base2(math.ceil(math.log2(self.budget.trials)))[: self.budget.trials] + CENTRE
+        return {name: quantile(self.budget.sources[name], points[:, k]) for k, name in enumerate(names)}
+
+    def values_of(self, trial: int) -> dict[str, float]:
+        """Values of all sources in a trial; of processes, their sizes."""
+        found = {source.name: self.budget.sources[source.name].size for source in self.sources if source.is_process}
+        return {name: float(values[trial]) for name, values in self.values.items()} | found
+
+    def changes_mm(self, trial: int, values: Mapping[str, float] | None = None) -> FloatArray:
+        """Changes (du, dv) [2, n] of the places in a trial with some of its sources on; all by default."""
+        on = self.values_of(trial) if values is None else values
+        return changes_mm(self.design, [s for s in self.sources if s.name in on], on, Draw(self.budget.seed, trial))
+
+
+def changes_mm(
+    design: MeasuredDesign, sources: Iterable[Source], values: Mapping[str, float], draw: Draw
+) -> FloatArray:
+    """Changes (du, dv) [2, n] of the places by several sources at once: the geometry's together, exact, then others."""
+    chosen = list(sources)
+    moving = geometry_sources(chosen)
+    total = np.zeros((2, design.count))
+    if moving:
+        total = total + geometry_changes(design, {source.name: values[source.name] for source in moving})
+    for source in chosen:
+        if source not in moving:
+            total = total + source.changes_mm(design, values[source.name], draw)
+    return total

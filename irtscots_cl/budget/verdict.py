@@ -1,0 +1,73 @@
+"""Whether a measured mirror meets a requirement, as on a drawing (ISO 10110-5), with a guard band.
+
+The indication is 3/A(B/C) and limits of RMSt, RMSi and RMSa. A: sagitta error, B: irregularity, C: rotationally
+symmetric irregularity, peak to valley in fringes of half the wavelength (546.07 nm where nothing else is said). RMSt:
+rms of the whole deviation, RMSi: without its best sphere, RMSa: without all that is rotationally symmetric. Here A to C
+are of the Zernike terms to radial order 4, so that single noisy pixels do not count; rms values are of all pixels.
+A requirement is met where the whole interval of the true value is within the limit, and not met where none of it is;
+between, the test does not say (JCGM 106:2012, guarded acceptance).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from irtscots_cl.budget.intervals import ErrorSamples, Interval
+from irtscots_cl.budget.sensitivity import NOLLS
+from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.zernike.indices import noll_to_nm
+
+WAVELENGTH_NM = 546.07
+MET, NOT_MET, OPEN = "met", "not met", "not decided"
+_RIM = re.compile(r"^3/(?P<A>[0-9.]+|-)(?:\((?P<B>[0-9.]+|-)(?:/(?P<C>[0-9.]+))?\))?$")
+_RMS = re.compile(r"^(RMS[tia])<([0-9.]+)$")
+ROTATIONAL = tuple(noll for noll in NOLLS if noll_to_nm(noll)[1] == 0)
+LEFT_OUT = {"RMSt": (1, 2, 3), "RMSi": (1, 2, 3, 4), "RMSa": (1, 2, 3, *ROTATIONAL[1:])}  # Zernike terms
+PEAKS = {"A": (4,), "B": NOLLS[4:], "C": ROTATIONAL[2:]}  # without piston, tilt; B and C without power, too
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One number of an indication. limit_nm; interval: of the true value in nm; verdict: MET, NOT_MET or OPEN."""
+
+    name: str
+    limit_nm: float
+    interval: Interval
+    verdict: str
+
+
+def requirements(text: str, wavelength_nm: float = WAVELENGTH_NM) -> dict[str, float]:
+    """Limits in nm by name, of an indication such as "3/2(0.5/0.2) RMSi<0.05" in fringes.
+
+    Raises ValueError for a text that is none.
+    """
+    found: dict[str, float] = {}
+    for word in text.split():
+        if rim := _RIM.match(word):
+            found |= {key: float(value) for key, value in rim.groupdict().items() if value not in (None, "-")}
+        elif rms := _RMS.match(word):
+            found[rms[1]] = float(rms[2])
+        else:
+            raise ValueError(f"{word!r}: must be 3/A(B/C), RMSt<X, RMSi<X or RMSa<X, in fringes of half a wavelength")
+    if not found or not all(0 < value < np.inf for value in found.values()):
+        raise ValueError(f"{text!r}: must have at least one limit, each above 0")
+    return {name: value * wavelength_nm / 2 for name, value in found.items()}
+
+
+def judge(samples: ErrorSamples, height_mm: FloatArray, limits_nm: dict[str, float]) -> list[Judged]:
+    """Each limit against the interval of a measured deviation [used]."""
+    found = []
+    for name, limit in limits_nm.items():
+        interval = _interval(samples, height_mm, name)
+        verdict = MET if interval.high <= limit else NOT_MET if interval.low > limit else OPEN
+        found.append(Judged(name, limit, interval, verdict))
+    return found
+
+
+def _interval(samples: ErrorSamples, height_mm: FloatArray, name: str) -> Interval:
+    if name in LEFT_OUT:
+        return samples.rms(height_mm, LEFT_OUT[name])
+    return samples.peak_to_valley(height_mm, PEAKS[name])

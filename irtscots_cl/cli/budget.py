@@ -1,0 +1,86 @@
+"""The command `irtscots budget`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from irtscots_cl.cli.common import add_scene, command, print_json, print_tables
+from irtscots_cl.scene.presets import load_scene
+
+if TYPE_CHECKING:
+    from irtscots_cl.budget.assess import ErrorBudget
+
+
+def add(commands) -> None:
+    parser = command(
+        commands,
+        "budget",
+        _execute,
+        "say what each error source costs in nanometres, before there is any hardware",
+        "Prints what each source of the scene's table [budget] costs, alone and together in many trials, and the "
+        "ledger of one trial: signed height maps that add up to its whole error. Without that table it prints what "
+        "every known source costs at a usual value. Only the scene's design is used, and no device.",
+    )
+    add_scene(parser)
+    parser.add_argument("--trials", type=int, metavar="N", help="number of trials; default: the scene's, or 512")
+    parser.add_argument("--trial", type=int, default=0, metavar="K", help="the trial whose ledger is made; default 0")
+    parser.add_argument(
+        "--allow-nm",
+        type=float,
+        metavar="NM",
+        help="rms height error, piston and tilt removed, that 95 %% of tests may have: prints the largest size of each "
+        "source, and what to calibrate first; default: the scene's",
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write budget.json, budget.csv and figures there")
+
+
+def _execute(options: argparse.Namespace) -> int:
+    scene = load_scene(options.scene)
+    from dataclasses import replace
+
+    from irtscots_cl.budget.assess import assess
+    from irtscots_cl.report.budget import budget_facts, budget_tables
+    from irtscots_cl.scene.error_sources import Budget
+    from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain
+
+    if options.out is not None:
+        check_output_folder(options.out, ("budget.json", "budget.csv"), ("figures",))
+    budget = scene.budget or Budget()
+    if options.trials is not None:
+        if not 2 <= options.trials <= 2**20:
+            raise ValueError(f"--trials = {options.trials}: must be from 2 to {2**20}")
+        budget = replace(budget, trials=options.trials)
+    if options.allow_nm is not None:
+        if not 0 < options.allow_nm <= 1e9:
+            raise ValueError(f"--allow-nm = {options.allow_nm}: must be a number above 0 and at most 1e9")
+        budget = replace(budget, allow_nm=options.allow_nm)
+    found = assess(scene, budget, options.trial)
+    facts = budget_facts(found)
+    if options.out is not None:
+        with made_folder(options.out):
+            _write(found, facts, options.out)
+    if options.json:
+        print_json(plain(facts))
+        return 0
+    print_tables(budget_tables(found))
+    if options.out is not None:
+        print(f"results in {options.out}")
+    return 0
+
+
+def _write(found: ErrorBudget, facts: dict[str, Any], folder: Path) -> None:
+    import csv
+
+    from irtscots_cl.report.budget import budget_rows
+    from irtscots_cl.system.atomic_files import replacing, write_json
+
+    write_json(folder / "budget.json", facts)
+    with replacing(folder / "budget.csv") as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows(budget_rows(found))
+    if found.linear is not None:
+        from irtscots_cl.report.budget_figures import write_budget_figures
+
+        (folder / "figures").mkdir(exist_ok=True)
+        write_budget_figures(found, folder / "figures")

@@ -1,0 +1,158 @@
+"""The error budget: as data for programs, and as tables."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from irtscots_cl.budget.assess import ErrorBudget
+from irtscots_cl.budget.sensitivity import NM, NOLLS
+from irtscots_cl.budget.tolerances import Tolerances
+from irtscots_cl.calibration.height_response import LEFT_AFTER, by_terms
+from irtscots_cl.report.table import Table
+
+HEAD = ("piston, tilt", "+ power", "+ astigmatism", "+ coma")
+SHARES = (0.5, 0.68, 0.95, 0.99)
+
+
+def budget_facts(found: ErrorBudget) -> dict[str, Any]:
+    """All of it as plain data, without maps."""
+    trials, budget = found.trials, found.trials.budget
+    facts: dict[str, Any] = {
+        "scene": trials.design.setup.scene.name,
+        "pixels": trials.design.count,
+        "every_pixel": trials.design.seen.step,
+        "trials": budget.trials,
+        "seed": budget.seed,
+        "sensitivities": [
+            {
+                "name": name, "unit": one.source.unit, "nm_per_unit": by_terms(one.left_nm),
+                "zernike_nm_per_unit": dict(zip(map(str, NOLLS), one.zernike_nm.tolist(), strict=True)),
+                "relative_standard_error": one.error, "linear_to": one.linear_to,
+            }
+            for name, one in found.sensitivities.items()
+        ],
+    }  # fmt: skip
+    if found.linear is None or found.monte_carlo is None or found.ledger is None:
+        return facts
+    linear, spread = found.linear, found.monte_carlo
+    facts["sources"] = [
+        {
+            "name": name, "distribution": given.kind, "size": given.size, "sigma": given.sigma,
+            "nm": by_terms(linear.nm[name]), "sobol_first": linear.first[name], "sobol_total": linear.total[name],
+        }
+        for name, given in budget.sources.items()
+    ]  # fmt: skip
+    facts["predicted_nm"] = by_terms(linear.total_nm)
+    facts["predicted_zernike_covariance_nm2"] = linear.zernike_covariance_nm2.tolist()
+    facts["trials_rms_nm"] = by_terms(np.sqrt(np.mean(spread.rms_nm**2, axis=0)))
+    facts["trials_percentiles_nm"] = {f"{share:g}": by_terms(spread.percentile_nm(share)) for share in SHARES}
+    facts["trials_zernike_covariance_nm2"] = spread.zernike_covariance_nm2.tolist()
+    if found.tolerances is not None:
+        facts["tolerances"] = dataclasses.asdict(found.tolerances)
+    without = trials.design.response.left
+    facts["ledger"] = {
+        "trial": found.trial,
+        "rows": [
+            {"name": row.name, "value": row.value, "nm": by_terms(without(row.height_mm[None])[0] * NM),
+             "second_order_nm": row.second_order_mm * NM} for row in found.ledger.rows
+        ],
+        "total_nm": by_terms(without(found.ledger.total_mm[None])[0] * NM),
+    }  # fmt: skip
+    return facts
+
+
+def budget_tables(found: ErrorBudget) -> list[Table]:
+    """The tables of the terminal: what each source costs, largest first."""
+    if found.linear is None or found.monte_carlo is None or found.ledger is None:
+        return [_sensitivity_table(found)]
+    allowed = [] if found.tolerances is None else _tolerance_tables(found, found.tolerances)
+    return [_source_table(found), _total_table(found), *allowed, _ledger_table(found)]
+
+
+def _sensitivity_table(found: ErrorBudget) -> Table:
+    ranked = sorted(found.sensitivities.values(), key=lambda one: -one.left_nm[0] * one.source.usual)
+    rows = [
+        (one.source.name, f"{one.source.usual:.2g} {one.source.unit}".strip(),
+         *(f"{nm:.3g}" for nm in one.left_nm * one.source.usual), f"{one.linear_to:.2g}")
+        for one in ranked
+    ]  # fmt: skip
+    title = "Rms height error in nm of each source at a usual value, with terms removed"
+    return Table(title, ("source", "value", *HEAD, "linear to"), rows)
+
+
+def _source_table(found: ErrorBudget) -> Table:
+    assert found.linear is not None
+    linear, given = found.linear, found.trials.budget.sources
+    ranked = sorted(given, key=lambda name: -linear.nm[name][0])
+    rows = [
+        (name, f"{given[name].kind} {given[name].size:.3g} {found.sensitivities[name].source.unit}".strip(),
+         *(f"{nm:.3g}" for nm in linear.nm[name]), f"{100 * linear.total[name]:.1f} %")
+        for name in ranked
+    ]  # fmt: skip
+    title = "What each source costs: rms height error in nm for its standard deviation, with terms removed"
+    return Table(title, ("source", "given", *HEAD, "share of the spread"), rows)
+
+
+def _total_table(found: ErrorBudget) -> Table:
+    assert found.linear is not None and found.monte_carlo is not None
+    spread = found.monte_carlo
+    rows = [("root of the sum of squares", *(f"{nm:.3g}" for nm in found.linear.total_nm)),
+            ("rms of the trials", *(f"{nm:.3g}" for nm in np.sqrt(np.mean(spread.rms_nm**2, axis=0)))),
+            *((f"{100 * share:g} % of the trials below", *(f"{nm:.3g}" for nm in spread.percentile_nm(share)))
+              for share in SHARES)]  # fmt: skip
+    return Table(f"All together, {found.trials.budget.trials} trials: rms height error in nm", ("", *HEAD), rows)
+
+
+def _ledger_table(found: ErrorBudget) -> Table:
+    assert found.ledger is not None
+    left = found.trials.design.response.left
+    ranked = sorted(found.ledger.rows, key=lambda row: -float(np.mean(row.height_mm**2)))
+    rows = [
+        (row.name, f"{row.value:.4g}", *(f"{nm:.3g}" for nm in left(row.height_mm[None])[0] * NM),
+         f"{row.second_order_mm * NM:.2g}")
+        for row in ranked
+    ]  # fmt: skip
+    rows.append(("sum of the maps", "", *(f"{nm:.3g}" for nm in left(found.ledger.total_mm[None])[0] * NM), ""))
+    title = f"Ledger of trial {found.trial}: rms in nm of each source's map; the maps add up to the whole error"
+    return Table(title, ("source", "value", *HEAD, "second order, at most"), rows)
+
+
+def _tolerance_tables(found: ErrorBudget, told: Tolerances) -> list[Table]:
+    """The largest size of each source alone, and what to calibrate where the test costs more than it may."""
+    unit = {name: one.source.unit for name, one in found.sensitivities.items()}
+    rows = [(one.name, f"{one.given:.3g} {unit[one.name]}".strip(), _size(one.largest, unit[one.name]))
+            for one in told.each]  # fmt: skip
+    rows.append(("all together", "1 x", f"{told.common_factor:.3g} x"))
+    share = f"{100 * told.coverage:g} % of tests"
+    title = f"{told.allow_nm:g} nm allowed, {told.now_nm:.3g} nm now for {share}: largest size, all others as given"
+    tables = [Table(title, ("source", "given", "largest"), rows)]
+    if told.now_nm > told.allow_nm:
+        steps = [(step.name, "" if step.cost is None else f"{step.cost:g}", f"{step.after_nm:.3g}")
+                 for step in told.plan]  # fmt: skip
+        reached = bool(told.plan) and told.plan[-1].after_nm <= told.allow_nm
+        title = "What to calibrate, one after the other" + ("" if reached else "; even all of it does not suffice")
+        tables.append(Table(title, ("source", "cost", f"nm left for {share}"), steps))
+    return tables
+
+
+def _size(value: float, unit: str) -> str:
+    if value == 0:
+        return "none: the others cost too much"
+    return "any" if value == float("inf") else f"{value:.3g} {unit}".strip()
+
+
+def budget_rows(found: ErrorBudget) -> list[list[str]]:
+    """The sources as rows of a CSV file, the head first."""
+    head = ["source", "unit", "distribution", "size", "sigma", *(f"nm_{terms}" for terms in LEFT_AFTER), "sobol_total"]
+    if found.linear is None:
+        return [head]
+    rows = [head]
+    for name, given in found.trials.budget.sources.items():
+        unit = found.sensitivities[name].source.unit
+        nm = [f"{value:.9g}" for value in found.linear.nm[name]]
+        rows.append([name, unit, given.kind, f"{given.size:.9g}", f"{given.sigma:.9g}", *nm,
+                     f"{found.linear.total[name]:.9g}"])  # fmt: skip
+    return rows

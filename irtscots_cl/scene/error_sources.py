@@ -1,0 +1,89 @@
+"""The errors that a test is expected to have: the table [budget].
+
+Only scenes with that table import this module. A key of [budget.sources] is the name of a source, such as "camera.x_mm"
+(irtscots_cl/budget/sources.py has them all). Its value is a standard deviation, or a table.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, Strict, model_validator
+
+from irtscots_cl.scene.calibration_known import flat_names
+from irtscots_cl.scene.validation import Seed, array_of, bounded, checked, refuse
+
+_SIZE = bounded(gt=0, le=1e6)
+_Size = Annotated[Annotated[float, Strict(), _SIZE] | None, Field(description=_SIZE.description)]
+_COST = bounded(ge=0, le=1e12)
+_Periods = Annotated[float, Strict(), bounded(gt=0, le=1e4)]
+_NM = bounded(gt=0, le=1e9)
+KINDS = ("normal", "uniform", "triangular")
+
+
+@checked("sources")
+class Distribution:
+    """Of one source's value, about 0, in the unit of its name.
+
+    normal: standard deviation. uniform, triangular: half the width. cost: what it costs to calibrate this source away,
+    in any unit of money. Raises SceneError for a value that is not allowed.
+    """
+
+    normal: _Size = None
+    uniform: _Size = None
+    triangular: _Size = None
+    cost: Annotated[Annotated[float, Strict(), _COST] | None, Field(description=_COST.description)] = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Distribution:
+        given = [kind for kind in KINDS if getattr(self, kind) is not None]
+        if not given:
+            refuse(("normal",), None, "be given, or uniform or triangular")
+        for kind in given[1:]:
+            refuse((kind,), getattr(self, kind), "be given without another of normal, uniform, triangular")
+        return self
+
+    @property
+    def kind(self) -> str:
+        return next(kind for kind in KINDS if getattr(self, kind) is not None)
+
+    @property
+    def size(self) -> float:
+        return float(getattr(self, self.kind))
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation."""
+        return self.size / {"normal": 1.0, "uniform": math.sqrt(3), "triangular": math.sqrt(6)}[self.kind]
+
+
+def _sources(table: Any) -> Any:
+    """The table with one level of keys, and numbers as standard deviations."""
+    return flat_names(table, (*KINDS, "cost"), "normal")
+
+
+@checked("budget")
+class Budget:
+    """sources: name -> Distribution. periods, steps: of the fringes; without periods, single lines are scanned.
+    allow_nm: what the test may cost. Raises SceneError for a value that is not allowed.
+    """
+
+    sources: Annotated[
+        dict[str, Distribution],
+        BeforeValidator(_sources),
+        Field(description='a table of names with standard deviations: "camera.x_mm" = 0.1, or { uniform = 0.1 }'),
+    ] = Field(default_factory=dict)
+    periods: Annotated[tuple[_Periods, ...], *array_of("an array of numbers of periods over the screen")] = ()
+    steps: Annotated[int, Strict(), Field(ge=3, le=1000, description="an integer from 3 to 1000")] = 8
+    trials: Annotated[int, Strict(), Field(ge=2, le=2**20, description="an integer from 2 to 1048576")] = 512
+    seed: Seed = 1
+    allow_nm: Annotated[Annotated[float, Strict(), _NM] | None, Field(description=_NM.description)] = None
+
+    def __hash__(self) -> int:  # a dict has none
+        return hash((frozenset(self.sources.items()), self.periods, self.steps, self.trials, self.seed, self.allow_nm))
+
+    @property
+    def fringes(self) -> tuple[tuple[float, ...], int] | None:
+        """Numbers of periods and steps; None for scans of single lines."""
+        return (self.periods, self.steps) if self.periods else None

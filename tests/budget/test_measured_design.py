@@ -1,0 +1,33 @@
+"""From errors of places to errors of heights."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_budget import small_scene
+
+from irtscots_cl.budget.geometry import geometry_changes
+from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.optics.setup import Setup
+
+
+@pytest.fixture(scope="module")
+def design():
+    return MeasuredDesign.of(Setup(small_scene()))
+
+
+def test_no_error_is_no_height(design):
+    assert np.array_equal(design.heights_mm(np.zeros((2, design.count))), np.zeros(design.count))
+
+
+def test_small_errors_are_those_of_the_linear_response(design):
+    changes = geometry_changes(design, {"screen.x_mm": 1e-3})
+    exact, linear = design.heights_mm(changes), design.response.heights_mm(changes[None])[0]
+    assert np.abs(exact - linear).max() < 1e-4 * np.abs(exact).max()  # the rest is of second order
+
+
+def test_errors_of_several_tests_are_those_of_each(design):
+    changes = np.stack([geometry_changes(design, {"camera.x_mm": value}) for value in (0.1, -0.3)])
+    both = design.heights_mm(changes)
+    for one, alone in zip(both, changes, strict=True):
+        assert np.abs(one - design.heights_mm(alone)).max() < 1e-13  # rounding of solvers for several maps

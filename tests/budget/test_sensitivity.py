@@ -1,0 +1,81 @@
+"""One source at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_budget import small_scene
+
+from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.noise import PlaceNoise
+from irtscots_cl.budget.sensitivity import NOLLS, sensitivities
+from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.sources import known_sources
+from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.presets import load_scene
+
+
+@pytest.fixture(scope="module")
+def design():
+    return MeasuredDesign.of(Setup(small_scene()))
+
+
+@pytest.fixture(scope="module")
+def found(design):
+    names = (
+        "camera.x_mm",
+        "screen.z_mm",
+        "screen.tilt_x_rad",
+        "mirror.clocking_rad",
+        "screen.brightness_xy",
+        "zernike.11_um",
+    )
+    known = known_sources(design.setup.scene)
+    from irtscots_cl.budget.sources import source_of
+
+    sources = [known.get(name) or source_of(name, design.setup.scene) for name in names]
+    return {one.source.name: one for one in sensitivities(design, sources)}
+
+
+def test_heights_per_unit_are_those_of_small_values(design, found):
+    for name, one in found.items():
+        value = 1e-3 * one.source.usual
+        height = design.heights_mm(one.source.changes_mm(design, value, Draw(0, 0))) / value
+        assert np.abs(height - one.height_mm).max() < 1e-3 * np.abs(one.height_mm).max() + 1e-9, name
+
+
+def test_linearity_ends_where_it_is_said(design, found):
+    """At that value the excess over proportion is 1 %: of tilts of the screen, whose cosine matters, soon."""
+    one = found["screen.tilt_x_rad"]
+    height = design.heights_mm(one.source.changes_mm(design, one.linear_to, Draw(0, 0))) / one.linear_to
+    excess = np.sqrt(np.mean((height - one.height_mm) ** 2) / np.mean(one.height_mm**2))
+    assert excess == pytest.approx(0.01, rel=0.2)
+
+
+def test_a_source_that_does_nothing_is_linear_for_ever(found):
+    assert found["mirror.clocking_rad"].linear_to == np.inf
+    assert found["mirror.clocking_rad"].left_nm.max() < 1e-6
+
+
+def test_a_zernike_term_of_the_mirror_is_seen_as_itself(found):
+    terms = found["zernike.11_um"].zernike_nm
+    assert terms[NOLLS.index(11)] == pytest.approx(1000, rel=0.01)  # nm per um
+
+
+def test_a_process_states_its_rms_and_standard_error(design):
+    (one,) = sensitivities(design, [PlaceNoise()])
+    more = [
+        design.response.left(design.response.heights_mm(PlaceNoise().changes_mm(design, 1.0, Draw(9, k))[None]))[0, 0]
+        for k in range(64)
+    ]
+    expected = np.sqrt(np.mean(np.square(more))) * 1e6
+    assert one.left_nm[0] == pytest.approx(expected, rel=4 * one.error * 1.25)  # 4 sigma of both
+
+
+@pytest.mark.slow
+def test_the_papers_sphere_costs_what_it_does_by_camera_and_screen():
+    """10.7 nm per 0.1 mm sideways, power removed, of either."""
+    design = MeasuredDesign.of(Setup(load_scene("sphere")))
+    known = known_sources(design.setup.scene)
+    for one in sensitivities(design, [known["camera.x_mm"], known["screen.x_mm"]]):
+        assert 0.1 * one.left_nm[1] == pytest.approx(10.75, abs=0.1)

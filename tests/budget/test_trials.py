@@ -1,0 +1,54 @@
+"""Trials: values by quantiles of a Sobol sequence; the same trial again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+from small_budget import SOURCES, small_trials
+
+from irtscots_cl.budget.trials import quantile
+from irtscots_cl.scene.error_sources import Distribution
+from irtscots_cl.scene.validation import SceneError
+
+
+@pytest.mark.parametrize(
+    "given, same",
+    [
+        ({"normal": 0.3}, stats.norm(scale=0.3)),
+        ({"uniform": 0.3}, stats.uniform(-0.3, 0.6)),
+        ({"triangular": 0.3}, stats.triang(0.5, loc=-0.3, scale=0.6)),
+    ],
+)
+def test_quantiles_and_standard_deviations_are_those_of_scipy(given, same):
+    distribution, share = Distribution(**given), np.linspace(0.001, 0.999, 37)
+    assert quantile(distribution, share) == pytest.approx(same.ppf(share), abs=1e-14)
+    assert distribution.sigma == pytest.approx(same.std())
+
+
+def test_values_have_the_distributions():
+    trials = small_trials(trials=1024)
+    for name, values in trials.values.items():
+        given = trials.budget.sources[name]
+        assert values.std() == pytest.approx(given.sigma, rel=0.02)  # Sobol points fill evenly
+        assert abs(values.mean()) < 0.01 * given.sigma
+
+
+def test_a_trial_is_the_same_alone_and_among_many():
+    few, many = small_trials(trials=8), small_trials(trials=64)
+    assert few.values_of(5) == many.values_of(5)
+    assert np.array_equal(few.changes_mm(5), many.changes_mm(5))
+
+
+def test_sources_come_in_any_order():
+    turned = dict(reversed(SOURCES.items()))
+    assert np.array_equal(small_trials().changes_mm(3), small_trials(sources=turned).changes_mm(3))
+
+
+def test_other_seeds_are_other_trials():
+    assert small_trials(seed=1).values_of(0)["camera.x_mm"] != small_trials(seed=2).values_of(0)["camera.x_mm"]
+
+
+def test_an_unknown_source_is_one_line():
+    with pytest.raises(SceneError, match=r"^sphere: budget.sources.'camera.w_mm': unknown source; did you mean camera"):
+        small_trials(sources={"camera.w_mm": 0.1})

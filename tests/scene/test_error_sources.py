@@ -1,0 +1,45 @@
+"""The table [budget]."""
+
+from __future__ import annotations
+
+import pytest
+
+from irtscots_cl.scene.presets import parse_scene, preset_text
+from irtscots_cl.scene.validation import SceneError
+
+
+def scene_with(table: str):
+    return parse_scene(preset_text("sphere") + table)
+
+
+def test_round_trip():
+    scene = scene_with(
+        "\n[budget]\ntrials = 16\nallow_nm = 20.0\n[budget.sources]\ncamera.x_mm = 0.1\n"
+        '"screen.tilt_x_rad" = { uniform = 1e-3, cost = 500.0 }\n'
+    )
+    assert scene.budget.sources["camera.x_mm"].normal == 0.1
+    assert scene.budget.sources["screen.tilt_x_rad"].cost == 500
+    assert parse_scene(scene.to_toml()) == scene and hash(scene) == hash(parse_scene(scene.to_toml()))
+
+
+@pytest.mark.parametrize(
+    "table, told",
+    [
+        ("[budget.sources]\ncamera.x_mm = -1.0", "normal = -1.0: must be a finite number above 0"),
+        (
+            '[budget.sources]\n"camera.x_mm" = { normal = 1.0, uniform = 2.0 }',
+            "uniform = 2.0: must be given without another",
+        ),
+        ('[budget.sources]\n"camera.x_mm" = { cost = 1.0 }', "must be given, or uniform"),
+        ('[budget.sources]\n"camera.x_mm" = "a"', "must be a number, or a table { normal, uniform, triangular, cost }"),
+        ("[budget]\ntrials = 1", "budget.trials = 1: must be an integer from 2 to"),
+        ("[budget]\nallow = 1.0", "budget.allow: unknown key; did you mean allow_nm?"),
+        ("budget = 3", "budget = 3: must be a table [budget]"),
+    ],
+)
+def test_refusals(table, told):
+    text = preset_text("sphere")
+    text = f"{table}\n{text}" if "[" not in table else f"{text}\n{table}\n"
+    with pytest.raises(SceneError, match="^scene") as error:
+        parse_scene(text)
+    assert told in str(error.value) and "\n" not in str(error.value)

@@ -1,0 +1,35 @@
+"""Small tests with budgets."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.trials import Trials
+from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.error_sources import Budget
+from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.presets import load_scene
+
+SOURCES = {
+    "camera.x_mm": 0.1,
+    "screen.x_mm": 0.1,
+    "screen.z_mm": {"triangular": 0.05},
+    "screen.tilt_x_rad": {"uniform": 1e-3},
+    "screen.brightness_xx": 0.1,
+    "noise.place_mm": 1e-3,
+}
+
+
+def small_scene(pixels: int = 41, preset: str = "sphere") -> Scene:
+    """A preset with fewer, larger pixels."""
+    scene = load_scene(preset)
+    detector = scene.camera.detector
+    pitch = detector.pitch_mm * detector.pixels[0] / pixels
+    detector = replace(detector, pixels=(pixels, pixels), pitch_mm=pitch)
+    return replace(scene, camera=replace(scene.camera, detector=detector))
+
+
+def small_trials(trials: int = 8, sources=SOURCES, seed: int = 1, pixels: int = 41, periods=()) -> Trials:
+    budget = Budget(sources=dict(sources), trials=trials, seed=seed, periods=periods)
+    return Trials.of(MeasuredDesign.of(Setup(small_scene(pixels)), budget.fringes), budget)
