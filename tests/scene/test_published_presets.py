@@ -137,13 +137,16 @@ def test_single_precision_suits(name, device):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_each_is_measured_as_well_as_predicted(name, device):
+    """On few large pixels, behind a larger aperture."""
     scene = coarse(name, 48)
     aperture = scene.camera.aperture_diameter_mm
-    scene = replace(scene, camera=replace(scene.camera, aperture_diameter_mm=3 * aperture))  # as the pixels are larger
-    run = simulate(scene, device=device, rays_per_pixel=256, smoothing=True, sampler="sobol", measure="fine", seed=1)
+    scene = replace(scene, camera=replace(scene.camera, aperture_diameter_mm=3 * aperture))
+    how = {"precision": "fp64"} if name == "gmt-segment" and device.has_fp64 else {}  # fp32 warns: 2.4 nm
+    run = simulate(
+        scene, device=device, rays_per_pixel=256, smoothing=True, sampler="sobol", measure="fine", seed=1, **how
+    )
     error = run.comparison.height_error_nm["piston_tilt"].value
     predicted = run.report["predicted"]["height_error_nm_rms_piston_tilt"]
-    print(name, error, predicted)
     assert 0.3 * predicted < error < 2 * predicted
 
 
