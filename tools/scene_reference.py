@@ -17,6 +17,7 @@ import textwrap
 
 from _generated import main
 
+from irtscots_cl.scene.asphere import Asphere
 from irtscots_cl.scene.calibration_known import Calibration, Knowledge
 from irtscots_cl.scene.camera_intrinsics import Intrinsics, check_intrinsics
 from irtscots_cl.scene.detector_noise import DetectorNoise
@@ -24,6 +25,8 @@ from irtscots_cl.scene.element import ALLOWS, KINDS, NEEDS, Element
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import ZERNIKE_KEYS, Scene
+from irtscots_cl.scene.outline import Outline, OutlinePart, Spider, check_polygon, check_shape
+from irtscots_cl.scene.polynomial import Polynomial, check_polynomials
 from irtscots_cl.scene.presets import preset_names, preset_text
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
 from irtscots_cl.scene.screen_response import ScreenResponse
@@ -48,11 +51,72 @@ MEANINGS = (
         "reflectance": "reflected part of the light",
         "zernike": "deviation along z; several tables add up",
         "scatter": "light that the mirror scatters, for the non-sequential estimator",
+        "polynomial": "polynomials in x and y that are added to the conic along z",
+        "asphere": "aspheric terms of the design, above the conic",
+        "outline": "the part of the disk that is the mirror, where that is not all of it: [outlines.md](outlines.md)",
+    }),
+    ("[mirror.outline]", Outline, "One shape, or several parts; spiders are taken away. What sticks out of the disk is "
+     "cut by it. [outlines.md](outlines.md) has the shapes.", {
+        "shape": "of a mirror in one piece; angles are told from +x towards +y",
+        "diameter_mm": "of a circle",
+        "obscuration_mm": "diameter of a hole in a circle, which makes it a ring",
+        "size_mm": "of a rectangle, along x and y before it is turned",
+        "across_flats_mm": "of a hexagon, between opposite sides",
+        "across_corners_mm": "of a hexagon, between opposite corners",
+        "points_mm": "corners of a polygon in order, told from `centre_mm`; the last side leads back to the first",
+        "centre_mm": "of the shape, in the mirror's x and y",
+        "rotation_deg": "turn of the shape about its centre; a hexagon at 0 has a corner towards +x",
+        "file": "of a mask: not 0 where the mirror is; row and column grow with y and x; a path relative to this file",
+        "pitch_mm": "of a mask's pixels",
+        "part": "several shapes, whose union is the mirror",
+        "spider": "strips that send no light",
+    }),
+    ("[[mirror.outline.part]]", OutlinePart, "One of several shapes; its keys are those of [mirror.outline].", {
+        "shape": "of this part",
+        "diameter_mm": "of a circle",
+        "obscuration_mm": "diameter of a hole in a circle",
+        "size_mm": "of a rectangle",
+        "across_flats_mm": "of a hexagon, between opposite sides",
+        "across_corners_mm": "of a hexagon, between opposite corners",
+        "points_mm": "corners of a polygon",
+        "centre_mm": "of the shape",
+        "rotation_deg": "turn of the shape about its centre",
+    }),
+    ("[[mirror.outline.spider]]", Spider, "Straight strips, from a centre outwards or between two points.", {
+        "width_mm": "of each strip",
+        "angles_deg": "directions in which strips leave the centre, to beyond the rim",
+        "ends_mm": "the two ends of one strip",
+        "centre_mm": "where the strips at `angles_deg` begin",
+    }),
+    ("[mirror.asphere]", Asphere, "What the design's parent adds to its conic, along the parent's axis, as a function "
+     "of the distance r from it. It belongs to the design: a deviation is measured from the conic with these terms. "
+     "The equation and its sources: [geometry.md](geometry.md). A power of 1 is not allowed: a cone has no normal at "
+     "its vertex. A power of 2 changes the curvature at the vertex, from 1/R to 1/R + 2 a₂.", {
+        "coefficients_mm": "a_n of the sum of a_n rⁿ, by n, for r in mm",
+        "q_con_um": "coefficients of Forbes's Qcon terms, by m",
+        "q_bfs_um": "coefficients of Forbes's Qbfs terms, by m; the best-fit sphere is `radius_mm` with conic 0",
+        "normalisation_radius_mm": "r at which u = 1 in the Q terms",
     }),
     ("[[mirror.zernike]]", ZernikeTerms, "Zernike terms of the deviation. Whatever the numbering, terms are normalised "
      "as by Noll: a coefficient is an rms over the disk.", {
-        "radius_mm": "of the disk on which the terms are defined",
+        "radius_mm": "of the disk on which the terms are defined; tables may have different ones",
         "coefficients_um": "coefficients in µm by index; Noll's, fringe (University of Arizona) or OSA/ANSI numbering",
+        "obscuration": "radius of the hole over that of the disk: above 0 for Mahajan's annular terms, orthonormal on "
+        "the ring, whose coefficients are rms over the ring; within the hole the terms go on and grow, "
+        "by about ((1 + e) / (1 - e))^((n - m) / 2) / 2 of the obscuration e",
+    }),
+    ("[[mirror.polynomial]]", Polynomial, "A height along z: the sum of value B_i(u) B_j(v) over the terms "
+     "[i, j, value], with u, v = (x, y - `centre_mm`) / `half_size_mm`. `chebyshev`: B_n = T_n; `legendre`: P_n, 1 at "
+     "the edge; `monomial`: powers. Tables add up, whatever their bases and rectangles.", {
+        "basis": "what the terms are",
+        "half_size_mm": "half of the rectangle's sides, the lengths that x and y are divided by (both the "
+        "normalisation radius of other programs' extended polynomials)",
+        "centre_mm": "of the rectangle",
+        "coefficients_um": "terms [i, j, µm]",
+        "coefficients_mm": "terms [i, j, value] of powers of x and y in mm about `centre_mm`, value in mm^(1 - i - j); "
+        "only with `basis = \"monomial\"`, in place of `coefficients_um` and `half_size_mm`",
+        "part": "`deviation`: what a test has to find; `design`: of the surface as designed, which the measurement "
+        "knows",
     }),
     ("[screen]", Screen, "A Lambertian screen, plane without the table [screen.shape].", {
         "position_mm": "centre of the screen",
@@ -212,7 +276,13 @@ MEANINGS = (
         "g": "exponent of the decay",
     }),
 )  # fmt: skip
-CHECKS = {Intrinsics: check_intrinsics, ScanLines: check_lines}  # that the table above calls, with its own numbers
+CHECKS = {  # that the table above calls, with its own numbers
+    Intrinsics: check_intrinsics,
+    ScanLines: check_lines,
+    Polynomial: check_polynomials,
+    Outline: check_shape,
+    OutlinePart: check_polygon,
+}
 HIDDEN = {ZernikeTerms: {"ordering"}}  # in a file the key of the coefficients states it
 UNITS = {
     "mm": "mm",
@@ -225,10 +295,11 @@ UNITS = {
     "deg": "°",
 }  # by the end of a key
 UNITS_OF_KEYS = {
+    "coefficients_mm": "mm^(1 - n)",
     "radiance": "W/(mm² sr)", "b0": "1/sr", "electrons_at_peak": "e", "dark_current_e_per_s": "e/s",
     "gain_e_per_dn": "e/DN",
 }  # fmt: skip
-FILE_KEYS = {"coefficients_um": " or ".join(f"`{key}`" for key in ZERNIKE_KEYS)}
+FILE_KEYS = {ZernikeTerms: {"coefficients_um": " or ".join(f"`{key}`" for key in ZERNIKE_KEYS)}}
 
 
 def reference() -> str:
@@ -242,7 +313,13 @@ def reference() -> str:
         lines += ["| key | unit | allowed | default | meaning |", "|---|---|---|---|---|"]
         for key, field in fields.items():
             unit = UNITS_OF_KEYS.get(key, UNITS.get(key.rsplit("_", 1)[-1], "") if "_" in key else "")
-            cells = (FILE_KEYS.get(key, f"`{key}`"), unit, field.description, default_of(field), meanings[key])
+            cells = (
+                FILE_KEYS.get(model, {}).get(key, f"`{key}`"),
+                unit,
+                field.description,
+                default_of(field),
+                meanings[key],
+            )
             lines.append("| " + " | ".join(cells) + " |")
         lines += ["", kinds()] if model is Element else []
         rules = rules_of(model)
@@ -299,8 +376,10 @@ def rules_of(model) -> list[str]:
     if model in CHECKS:
         found = rules_in(ast.parse(textwrap.dedent(inspect.getsource(CHECKS[model]))), names)
         rules += [re.sub(r"`\w+\.", "`", rule) for rule in found]  # from the table above
+    for key, shown in FILE_KEYS.get(model, {}).items():
+        rules = [rule.replace(f"`{key}`", shown) for rule in rules]
     # What an element's kind needs or takes has a table of its own; a module's name is no key of a file.
-    return [r for r in dict.fromkeys(rules) if "for kind" not in r and "irtscots_cl." not in r]
+    return [r for r in dict.fromkeys(rules) if "for kind" not in r and "for shape" not in r and "irtscots_cl." not in r]
 
 
 def rules_in(tree: ast.AST, names: dict) -> list[str]:
@@ -335,7 +414,7 @@ def keys_of(steps: ast.expr, tree: ast.AST, names: dict) -> str:
         else:
             values = [names[step.id]] if isinstance(names.get(step.id), str) else values_of(step, tree)
         paths = [(*path, *([value] if value else [])) for path in paths for value in values or [""]]
-    keys = [FILE_KEYS.get(path[-1], "`" + ".".join(path) + "`") for path in paths if path]
+    keys = ["`" + ".".join(path) + "`" for path in paths if path]
     return ", ".join(keys) or "these keys"
 
 

@@ -11,12 +11,15 @@ from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.maths.statistics import Estimate, jackknife_error
 from irtscots_cl.maths.zernike.indices import index_to_nm, nm_to_noll
-from irtscots_cl.measurement.coefficients import FITTED_NOLL, Coefficients, coefficients
+from irtscots_cl.measurement.coefficients import FITTED_NOLL, Coefficients, coefficients, terms_disk
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.optics.departure import ZernikeDeparture, deviations
 from irtscots_cl.optics.surface import Surface
+from irtscots_cl.scene.mirror import Mirror
 from irtscots_cl.scene.model import Scene
 
 HEIGHT_TERMS = ("piston", "piston_tilt", "piston_tilt_power")  # terms removed before a height error is computed
+SAME_RATIO = 1e-9  # of holes: that of a table and of the mirror, a quotient of diameters
 
 
 @dataclass(frozen=True)
@@ -25,8 +28,8 @@ class ZernikeRow:
 
     output_um: NaN for a term of the scene that the pixels cannot separate. expected_um: what the same fit over the same
     pixels gives for the true deviation, its mean removed as in a measured one. It differs from input_um in piston, and
-    where terms were left out of the fit. Annular terms have no input of their own: it is expected_um. inflation: of the
-    standard error over that on a whole disk (maths.zernike.fit).
+    where terms were left out of the fit. Where the deviation is not the sum of terms of the kind that is fitted,
+    input_um is expected_um. inflation: of the standard error over that on a whole disk (maths.zernike.fit).
     """
 
     noll: int
@@ -106,6 +109,16 @@ def _estimate(values: list[float]) -> Estimate:
     return Estimate(values[0], float(jackknife_error(np.array(values))))
 
 
+def _is_sum_of_terms(mirror: Mirror, kind: str) -> bool:
+    """Whether a mirror's deviation is nothing but terms of that kind, on one disk or ring: that of the terms fitted."""
+    radius_mm, ratio = terms_disk(mirror, kind)
+    alone = all(isinstance(departure, ZernikeDeparture) for departure in deviations(mirror))
+    return alone and all(
+        terms.radius_mm == radius_mm and math.isclose(terms.obscuration, ratio, abs_tol=SAME_RATIO)
+        for terms in mirror.zernike
+    )
+
+
 def _zernike_rows(
     result: Reconstruction, scene: Scene, kind: str, truth_mm: FloatArray
 ) -> tuple[tuple[ZernikeRow, ...], Coefficients]:
@@ -115,6 +128,7 @@ def _zernike_rows(
         for index, value in terms.coefficients_um.items():
             noll = nm_to_noll(*index_to_nm(index, terms.ordering))
             given[noll] = given.get(noll, 0.0) + value
+    known = _is_sum_of_terms(scene.mirror, kind)
     indices = sorted(set(range(1, FITTED_NOLL + 1)) | set(given))
     found = coefficients(result, scene.mirror, kind, indices, noise_errors=False)
     # the measured deviation has a mean of 0 over the heights' mask by convention
@@ -123,10 +137,10 @@ def _zernike_rows(
     columns = zip(found.fit.nolls, found.um.tolist(), found.standard_error_um.tolist(), expected,
                   found.fit.inflation.tolist(), strict=True)  # fmt: skip
     rows = [
-        ZernikeRow(noll, given.get(noll, 0.0) if kind == "circular" else own, um, error, own, inflation)
+        ZernikeRow(noll, given.get(noll, 0.0) if known else own, um, error, own, inflation)
         for noll, um, error, own, inflation in columns
     ]
-    if kind == "circular":
+    if known:
         lost = [noll for noll in found.fit.dropped if given.get(noll)]
         rows += [ZernikeRow(noll, given[noll], math.nan, math.nan, math.nan, math.inf) for noll in lost]
     return tuple(rows), found

@@ -24,7 +24,7 @@ from irtscots_cl.opencl.device import Device
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.model import Scene
-from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
+from irtscots_cl.tracing.options import ANALYTIC, TraceOptions, can_smooth
 from irtscots_cl.tracing.trace import trace
 
 ROUNDING_RAYS = 1024  # per pixel, smoothed: the same rays in both precisions, so that little noise remains
@@ -130,7 +130,7 @@ def _rounding(result: Reconstruction, setup: Setup, options: TraceOptions, devic
     slopes = []
     for precision in ("fp32", "fp64"):
         run = trace(setup, device=device, precision=precision, sampler=options.sampler, seed=options.seed,
-                    smoothing=True, rays_per_pixel=ROUNDING_RAYS, replicates=1)  # fmt: skip
+                    smoothing=can_smooth(scene), rays_per_pixel=ROUNDING_RAYS, replicates=1)  # fmt: skip
         stack, landing = run.images(LineScan(scene)), np.full((2, result.mask.size), np.nan)
         for on_grid, scan in zip(landing, (stack.x, stack.y), strict=True):
             on_grid[scan.pixels] = centroids(scan, scan.mean_w())

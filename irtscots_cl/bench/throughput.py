@@ -17,9 +17,12 @@ from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
 from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.asphere import Asphere
 from irtscots_cl.scene.camera_intrinsics import Intrinsics
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.outline import Outline, OutlinePart, Spider
+from irtscots_cl.scene.polynomial import Polynomial
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.screen_shape import CoverGlass, ScreenShape
 from irtscots_cl.tracing.estimators.nonsequential import PathTask
@@ -108,18 +111,47 @@ def _features(sphere: Scene) -> dict[str, Scene]:
     def with_mirror(**changes) -> Scene:
         return dataclasses.replace(sphere, mirror=dataclasses.replace(sphere.mirror, **changes))
 
-    def zernike(indices) -> tuple[ZernikeTerms, ...]:
-        return (ZernikeTerms(sphere.mirror.diameter_mm / 2, "noll", dict.fromkeys(indices, 0.01)),)
+    rim_mm = sphere.mirror.diameter_mm / 2
 
+    def zernike(indices, obscuration: float = 0.0) -> tuple[ZernikeTerms, ...]:
+        return (ZernikeTerms(rim_mm, "noll", dict.fromkeys(indices, 0.01), obscuration),)
+
+    def chebyshev(orders: int) -> tuple[Polynomial, ...]:
+        terms = tuple((i, j, 0.01) for i in range(orders) for j in range(orders))
+        return (Polynomial("chebyshev", (rim_mm, rim_mm), coefficients_um=terms),)
+
+    def asphere(powers) -> Scene:  # 0.1 mm high at the rim
+        rim = sphere.mirror.diameter_mm / 2
+        rises = {n: 0.1 / len(powers) / rim**n for n in powers}
+        return with_mirror(conic=-0.7154, asphere=Asphere(rises))
+
+    diameter = sphere.mirror.diameter_mm
     return {
         "plain sphere": sphere,
         "conic": with_mirror(conic=-0.7154),
+        "asphere of order 20": asphere(range(4, 21, 2)),
+        "odd asphere": asphere(range(3, 21)),
         "off-axis conic": with_mirror(conic=-0.7154, off_axis_mm=20.0),
         "central hole": with_mirror(obscuration_mm=200.0),
+        "hexagonal outline": with_mirror(outline=Outline(shape="hexagon", across_corners_mm=diameter)),
+        "outline of three parts and a spider": with_mirror(outline=_parts(diameter)),
         "1 Zernike term": with_mirror(zernike=zernike([6])),
         "6 Zernike terms": with_mirror(zernike=zernike([6, 8, 9, 11, 29, 38])),
         "33 Zernike terms": with_mirror(zernike=zernike(range(4, 37))),
+        "conic, 45 Zernike terms": with_mirror(conic=-0.7154, zernike=zernike(range(1, 46))),
+        "45 annular Zernike terms": with_mirror(obscuration_mm=rim_mm / 2, zernike=zernike(range(1, 46), 0.25)),
+        "8 x 8 Chebyshev terms": with_mirror(polynomial=chebyshev(8)),
     }
+
+
+def _parts(diameter_mm: float) -> Outline:
+    """An outline of parts that covers most of a disk."""
+    circle = OutlinePart(shape="circle", diameter_mm=0.9 * diameter_mm)
+    bars = tuple(
+        OutlinePart(shape="rectangle", size_mm=(0.98 * diameter_mm, 0.2 * diameter_mm), rotation_deg=turn)
+        for turn in (0.0, 90.0)
+    )
+    return Outline(part=(circle, *bars), spider=(Spider(width_mm=0.01 * diameter_mm, angles_deg=(45.0, 135.0, 270.0)),))
 
 
 def _devices(sphere: Scene) -> dict[str, Scene]:

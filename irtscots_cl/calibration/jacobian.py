@@ -7,6 +7,7 @@ wherever that pixel may be in truth. The derivatives are those of the pixels' ch
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -28,7 +29,9 @@ from irtscots_cl.maths.zernike.polynomials import zernike, zernike_gradient
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.screen_surface import MeasuredPoints
 from irtscots_cl.optics.setup import Setup
+from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.camera_intrinsics import Intrinsics
+from irtscots_cl.scene.mirror import Mirror
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
 
@@ -151,16 +154,25 @@ def _zernike(noll: int, radius_mm: float, changes: RayChanges) -> FloatArray:
 
 
 def _form(scene: Scene, key: str, changes: RayChanges) -> FloatArray:
-    """Of the mirror's vertex radius or conic constant, by five-point differences of its closed form."""
+    """Of the mirror's vertex radius or conic constant, by five-point differences of its design."""
     mirror, (x, y) = scene.mirror, changes.points[:, :2].T
     found = np.zeros((3, len(x)))
     for step, weight in ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12)):
         radius = mirror.radius_mm * (1 + step * FORM_STEP * (key == "radius_relative"))
-        quadric = Quadric.conic(radius, mirror.conic + step * FORM_STEP * (key == "conic"), mirror.off_axis_mm)
-        height = quadric.meet(x, y, 0.0, 0.0)
-        found += weight / FORM_STEP * np.stack([height, *quadric.gradient(x, y, height)])
+        conic = mirror.conic + step * FORM_STEP * (key == "conic")
+        found += weight / FORM_STEP * _design_at(mirror, radius, conic, x, y)
     moved_by: FloatArray = changes.by_height * found[0] + _sum(changes.by_slope, found[1:].T)
     return moved_by
+
+
+def _design_at(mirror: Mirror, radius_mm: float, conic: float, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Height of the design with another conic, and its slopes, [3, n]."""
+    if mirror.asphere is not None:  # a segment's frame is on the surface, terms included
+        design = Surface.of(replace(mirror.nominal(), radius_mm=radius_mm, conic=conic))
+        return np.stack([design.sag(x, y), *design.gradient(x, y)])
+    quadric = Quadric.conic(radius_mm, conic, mirror.off_axis_mm)
+    height = quadric.meet(x, y, 0.0, 0.0)
+    return np.stack([height, *quadric.gradient(x, y, height)])
 
 
 def _intrinsics(key: str, changes: RayChanges) -> FloatArray:

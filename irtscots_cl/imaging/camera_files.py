@@ -26,8 +26,8 @@ import numpy as np
 
 from irtscots_cl.formats.frames import BYTE_ORDERS, ROW_ORDERS, ReadOptions
 from irtscots_cl.formats.images import SUFFIXES, FrameSource, is_hidden, natural_order, open_frames
+from irtscots_cl.formats.mask_values import HDF5, PICTURES, picture_values
 from irtscots_cl.imaging.lab_frames import ORDERS
-from irtscots_cl.imaging.mask_files import HDF5, PICTURES, picture_values
 from irtscots_cl.maths.arrays import BoolArray
 from irtscots_cl.scene.validation import nearest, shown_word
 

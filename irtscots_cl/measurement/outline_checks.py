@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
@@ -11,8 +12,11 @@ from skimage.measure import label
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.mirror_outline import LEAST_RADIUS, NoOutlineError, OutlineFit, fit_outline
 from irtscots_cl.measurement.quality import OK, WARNING, Check
-from irtscots_cl.measurement.rim_curve import RimCurve
+from irtscots_cl.measurement.rim_curve import POINTS, RimCurve
 from irtscots_cl.optics.chief_rays import ChiefRays
+
+if TYPE_CHECKING:
+    from irtscots_cl.optics.outline import Outline
 
 SHIFT_PX = 0.3  # from which on a difference between picture and design is named, if it is certain
 SIGMAS = 5.0  # 6e-7 for Gaussian noise
@@ -75,13 +79,12 @@ def find_outline(
     signal: [rows, columns] upright, bright on the mirror. lit: bright pixels. rim: the expected outline of a mirror
     that is no round disk. start: an outline found before, to begin at. Raises NoOutlineError.
     """
-    surface, hole, why = chief.surface, None, ""
-    expected = RimCurve.of_design(chief, surface.aperture_radius_mm) if rim is None else rim
+    hole, why = None, ""
+    expected, inner = _expected(chief) if rim is None else (rim, None)
     if len(expected.points) < len(expected.outward):
         raise NoOutlineError("the design's rim lies behind the camera")
     found = fit_outline(signal, lit, expected, None if start is None else start.rim)
-    if rim is None and surface.obscuration_radius_mm > 0:
-        inner = RimCurve.of_design(chief, surface.obscuration_radius_mm, hole=True)
+    if inner is not None:
         try:
             if inner.radius_px < LEAST_RADIUS:
                 raise NoOutlineError(f"the hole is {2 * inner.radius_px:.2g} pixels wide")
@@ -93,6 +96,31 @@ def find_outline(
     if hole is not None:
         coverage *= hole.curve.coverage(signal.shape)
     return MirrorOutline(found, hole, why, _mm_per_px(chief, found.expected.centre), coverage)
+
+
+def _expected(chief: ChiefRays) -> tuple[RimCurve, RimCurve | None]:
+    """Rim of the design's mirror and its hole's. Raises NoOutlineError for one in several pieces."""
+    surface = chief.surface
+    if surface.outline is not None:
+        return _of_outline(chief, surface.outline)
+    inner = None
+    if surface.obscuration_radius_mm > 0:
+        inner = RimCurve.of_design(chief, surface.obscuration_radius_mm, hole=True)
+    return RimCurve.of_design(chief, surface.aperture_radius_mm), inner
+
+
+def _of_outline(chief: ChiefRays, outline: Outline) -> tuple[RimCurve, RimCurve | None]:
+    from irtscots_cl.optics.outline_curves import edge_curves  # imported late: few mirrors are no disks
+
+    if outline.has_grid:
+        raise NoOutlineError("the design's outline is a picture (mirror.outline.file)")
+    if outline.strips:
+        raise NoOutlineError("spiders cut the design's outline (mirror.outline.spider)")
+    curves = edge_curves(chief.surface, POINTS)
+    rims, holes = ([curve for curve, hole in curves if hole is wanted] for wanted in (False, True))
+    if len(rims) != 1 or len(holes) > 1:
+        raise NoOutlineError(f"the design's mirror has {len(rims)} pieces and {len(holes)} holes; must be one with one")
+    return RimCurve.along(chief, rims[0]), RimCurve.along(chief, holes[0], hole=True) if holes else None
 
 
 def _mm_per_px(chief: ChiefRays, centre: FloatArray) -> FloatArray:

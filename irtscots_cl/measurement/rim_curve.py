@@ -30,7 +30,12 @@ class RimCurve:
     def of_design(cls, chief: ChiefRays, radius_mm: float, hole: bool = False) -> RimCurve:
         """A circle about the mirror's centre, on its surface, as the camera sees it."""
         turn = 2 * np.pi * np.arange(POINTS) / POINTS
-        points = np.stack(chief.pixel(radius_mm * np.cos(turn), radius_mm * np.sin(turn)), -1)
+        return cls.along(chief, np.stack([radius_mm * np.cos(turn), radius_mm * np.sin(turn)], -1), hole)
+
+    @classmethod
+    def along(cls, chief: ChiefRays, points_mm: FloatArray, hole: bool = False) -> RimCurve:
+        """A closed curve [n, 2] in the mirror's x, y, on its surface, as the camera sees it."""
+        points = np.stack(chief.pixel(*points_mm.T), -1)
         return cls(points[np.isfinite(points).all(-1)], hole)
 
     @classmethod

@@ -176,6 +176,51 @@ def zernike_power_dtype(real, coefficients: int) -> np.dtype:
     return np.dtype([("inverse_radius", real), ("coefficient", real, coefficients)], align=True)
 
 
+def polynomial_dtype(real, rows: int, columns: int) -> np.dtype:
+    """Chebyshev coefficients [mm] of a height over the rectangle of that centre and those halves of its sides [mm]."""
+    names = ("centre_x", "centre_y", "inverse_half_x", "inverse_half_y")
+    return np.dtype([(name, real) for name in names] + [("coefficient", real, (rows, columns))], align=True)
+
+
+ABOUT = 6
+
+
+def asphere_dtype(real, pairs: int) -> np.dtype:
+    """Aspheric terms for kernels/mirror/profile.cl: coefficients [mm] of a polynomial in t, of an even power and of the
+    next one in each pair, highest first; about: those of s, s^2, ... that nearly give the height, highest first."""
+    return np.dtype([("inverse_radius", real), ("about", real, ABOUT), ("coefficient", real, (pairs, 2))], align=True)
+
+
+def outline_polygon_dtypes(real, sides: int) -> dict[str, np.dtype]:
+    """A mirror's outline that is a convex polygon, for kernels/mirror/outline_polygon.cl.
+
+    OutlinePlane: half plane n . p <= distance, n the side's unit normal outwards.
+    """
+    plane = np.dtype([("normal_x", real), ("normal_y", real), ("distance", real)], align=True)
+    return {"OutlinePlane": plane, "Outline": np.dtype([("planes", plane, sides)], align=True)}
+
+
+def outline_parts_dtypes(real, parts: int, sides: int) -> dict[str, np.dtype]:
+    """A mirror's outline of parts and strips (optics/outline.py), for kernels/mirror/outline_parts.cl.
+
+    OutlinePart: a polygon of side_count sides from first_side on, or with none a ring about (x, y), by squared radii.
+    OutlineSide: its lower end, the height of its upper end, and dx / dy.
+    """
+    part = np.dtype([(name, real) for name in ("x", "y", "outer2", "inner2")]
+                    + [("first_side", np.int32), ("side_count", np.int32)], align=True)  # fmt: skip
+    side = np.dtype([(name, real) for name in ("low_x", "low_y", "high_y", "slope")], align=True)
+    fields = [("parts", part, parts), ("sides", side, sides), ("part_count", np.int32), ("strip_count", np.int32)]
+    return {"OutlinePart": part, "OutlineSide": side, "Outline": np.dtype(fields, align=True)}
+
+
+def outline_grid_dtype(real) -> dict[str, np.dtype]:
+    """A mirror's outline that is a picture, for kernels/mirror/outline_mask.cl. low_x, low_y: the corner of its first
+    pixel; first: the first real of its bits in the tables."""
+    names = ("low_x", "low_y", "inverse_pitch_x", "inverse_pitch_y")
+    counts = [(name, np.int32) for name in ("columns", "rows", "first")]
+    return {"Outline": np.dtype([*((name, real) for name in names), *counts], align=True)}
+
+
 def scene_dtype(real, mirror: np.dtype, parts: dict[str, np.dtype], glass: bool = False) -> np.dtype:
     """The values of the scene that are the same for all rays.
 

@@ -81,7 +81,7 @@ def _bulge(chief: ChiefRays) -> np.ndarray:
     its corners are the lowest.
     """
     surface, none = chief.surface, np.zeros((0, 3))
-    if surface.quadric.q_yy >= 0:
+    if surface.quadric.q_yy >= 0 and not surface.design:
         return none
     rim = mirror_rings(surface, 1)[0]
     slope_x, slope_y = surface.gradient(rim[:, 0], rim[:, 1])

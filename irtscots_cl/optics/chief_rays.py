@@ -150,9 +150,14 @@ class ChiefRays:
         diagonal = np.linalg.norm(corners[1:, 1:] - corners[:-1, :-1], axis=-1)
         rim = self.surface.aperture_radius_mm + margin_mm
         hole = max(self.surface.obscuration_radius_mm - margin_mm, 0.0)
+        if self.surface.outline is not None:
+            depth = self.surface.depth(corners[..., 0], corners[..., 1])[0] + margin_mm
+            of_corners = np.stack([depth[:-1, :-1], depth[1:, :-1], depth[:-1, 1:], depth[1:, 1:]])
         with np.errstate(invalid="ignore"):
             inside = (of_pixel.max(0) <= rim) & ((hole == 0) | (of_pixel.min(0) > hole + diagonal))
             outside = (of_pixel.min(0) > rim + diagonal) | (of_pixel.max(0) + diagonal < hole)
+            if self.surface.outline is not None:
+                inside, outside = inside & (of_corners.min(0) > diagonal), outside | (of_corners.max(0) < -diagonal)
         if self.every > 1:
             inside, outside = inside & self.wanted, outside | ~self.wanted
         maps = np.full((4, *self.shape), np.nan)

@@ -9,7 +9,7 @@ import numpy as np
 
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.zernike.indices import index_to_nm
-from irtscots_cl.maths.zernike.series import RadialSeries, evaluate_series, radial_series
+from irtscots_cl.maths.zernike.series import RadialSeries, evaluate_series, joined_series, radial_series
 
 if TYPE_CHECKING:
     from irtscots_cl.scene.mirror import Mirror
@@ -20,7 +20,7 @@ RINGS = 16  # of the points that find a departure's extremes
 class Departure(Protocol):
     """Heights along z that are added to a quadric.
 
-    radius_mm: the mirror's points lie within it; from 2 % outside, rays take the height for 0.
+    radius_mm: the mirror's points lie within it; from 2 % outside, rays take a deviation's height for 0.
     """
 
     @property
@@ -60,20 +60,39 @@ def polar_points(radius_mm: float, angles: int) -> tuple[FloatArray, FloatArray]
 
 def design_departures(mirror: Mirror) -> tuple[Departure, ...]:
     """What the design of a scene's mirror adds to its conic."""
-    return ()
+    if mirror.asphere is None:
+        return _polynomials(mirror, "design")
+    from irtscots_cl.optics.asphere import asphere_departure  # imported late: few mirrors have such terms
+
+    return (asphere_departure(mirror), *_polynomials(mirror, "design"))
 
 
 def deviations(mirror: Mirror) -> tuple[Departure, ...]:
     """How a scene's mirror as made deviates from its design."""
-    return _zernike(mirror)
+    return _zernike(mirror) + _polynomials(mirror, "deviation")
+
+
+def _polynomials(mirror: Mirror, part: str) -> tuple[Departure, ...]:
+    """The polynomials of one part, "design" or "deviation"."""
+    if not mirror.polynomial:
+        return ()
+    from irtscots_cl.optics.polynomial import polynomials  # imported late: few scenes have any
+
+    return polynomials(mirror, part)
 
 
 def _zernike(mirror: Mirror) -> tuple[Departure, ...]:
-    """The sum of the mirror's Zernike tables, if it is not 0."""
-    coefficients: dict[tuple[int, int], float] = {}
+    """The sum of the mirror's Zernike tables, if it is not 0, on the smallest of their disks."""
+    sets: dict[tuple[float, float], dict[tuple[int, int], float]] = {}  # by radius and obscuration
     for terms in mirror.zernike:
+        coefficients = sets.setdefault((terms.radius_mm, terms.obscuration), {})
         for index, value_um in terms.coefficients_um.items():
             nm = index_to_nm(index, terms.ordering)
             coefficients[nm] = coefficients.get(nm, 0.0) + value_um * 1e-3
-    coefficients = {nm: value for nm, value in coefficients.items() if value != 0}
-    return (ZernikeDeparture(radial_series(coefficients), mirror.zernike[0].radius_mm),) if coefficients else ()
+    given = {key: {nm: value for nm, value in terms.items() if value != 0} for key, terms in sets.items()}
+    given = {key: terms for key, terms in given.items() if terms}
+    if not given:
+        return ()
+    least = min(radius for radius, _ in given)
+    parts = [radial_series(terms, ratio, radius / least) for (radius, ratio), terms in given.items()]
+    return (ZernikeDeparture(joined_series(parts), least),)

@@ -6,8 +6,9 @@ The device kernels have their own single-precision versions (kernels/mirror/surf
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,8 +16,14 @@ from irtscots_cl.maths.quadric import Quadric
 from irtscots_cl.optics.departure import Departure, design_departures, deviations
 from irtscots_cl.system import interruption
 
+BEYOND = 1.02  # radius in those of the deviations' disk: from there, beyond any mirror, they count for 0
+if TYPE_CHECKING:
+    from irtscots_cl.optics.outline import Outline
+
 MAX_STEPS = 50  # from the quadric to the surface; each is shorter by the departure's slope times the ray's
 NEAR_MM = 1e-9  # a last step shorter than that leaves far less: slopes of surfaces are small
+
+Guess = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 # polynomials overflow far outside the mirror; a ray parallel to z = 0 has no point there
 _BESIDE = np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -26,7 +33,8 @@ _BESIDE = np.errstate(over="ignore", invalid="ignore", divide="ignore")
 class Surface:
     """A quadric plus departures along z, inside a circular or annular aperture.
 
-    design: departures of the design; deviation: those of the mirror as made from its design.
+    design: departures of the design; deviation: those of the mirror as made from its design. outline: what the aperture
+    is limited to, of a mirror that is no whole disk.
     """
 
     quadric: Quadric
@@ -34,6 +42,7 @@ class Surface:
     obscuration_radius_mm: float = 0.0
     design: tuple[Departure, ...] = ()
     deviation: tuple[Departure, ...] = ()
+    outline: Outline | None = None
 
     @classmethod
     def of(cls, mirror) -> Surface:
@@ -44,6 +53,7 @@ class Surface:
             mirror.obscuration_mm / 2,
             design_departures(mirror),
             deviations(mirror),
+            _outline(mirror),
         )
 
     @property
@@ -59,7 +69,25 @@ class Surface:
     def contains(self, x_mm, y_mm, margin_mm: float = 0.0) -> np.ndarray:
         """Whether points lie in the aperture, widened by margin_mm at its rim and at the hole's."""
         radius = np.hypot(x_mm, y_mm)
-        return (radius <= self.aperture_radius_mm + margin_mm) & (radius >= self.obscuration_radius_mm - margin_mm)
+        on = (radius <= self.aperture_radius_mm + margin_mm) & (radius >= self.obscuration_radius_mm - margin_mm)
+        return on if self.outline is None else on & self.outline.contains(x_mm, y_mm, margin_mm)
+
+    def depth(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Distance [mm] of points from the aperture's edge, above 0 inside, and the direction (x, y) in which it grows.
+
+        See Outline.depth for where it may be too small.
+        """
+        radius = np.hypot(x_mm, y_mm)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            out_x, out_y = np.nan_to_num(x_mm / radius), np.nan_to_num(y_mm / radius)
+        depth, toward_x, toward_y = self.aperture_radius_mm - radius, -out_x, -out_y
+        others = [(radius - self.obscuration_radius_mm, out_x, out_y)] if self.obscuration_radius_mm > 0 else []
+        others += [] if self.outline is None else [self.outline.depth(x_mm, y_mm)]
+        for other, other_x, other_y in others:
+            less = other < depth
+            depth = np.where(less, other, depth)
+            toward_x, toward_y = np.where(less, other_x, toward_x), np.where(less, other_y, toward_y)
+        return depth, toward_x, toward_y
 
     def deviation_at(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Deviation from the design [mm] and its slopes dz/dx, dz/dy at points of any one shape."""
@@ -79,11 +107,18 @@ class Surface:
         _, slope_x, slope_y = self.departure_at(x_mm, y_mm)
         return design[0] + slope_x, design[1] + slope_y
 
+    def _defined(self, x_mm, y_mm) -> np.ndarray:
+        """Where polynomials that grow fast outside their disk are used."""
+        return np.hypot(x_mm, y_mm) <= BEYOND * self.departure_radius_mm
+
     @_BESIDE
-    def meet(self, points_mm, directions, newton_steps: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def meet(
+        self, points_mm, directions, newton_steps: int | None = None, guess: Guess | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Follow rays from world points [..., 3] along directions [..., 3] to the surface.
 
-        newton_steps: from the quadric to the surface; None for as many as it takes.
+        newton_steps: from the quadric to the surface; None for as many as it takes. guess: from (x, y) to the height
+        above the quadric from which they set out for a design that departs from it; None: 0.
         Returns the points [..., 3] (NaN where a ray misses the surface; the aperture is ignored) and the
         directions after reflection [..., 3] (not normalised).
         """
@@ -92,16 +127,14 @@ class Surface:
         base = z = self.quadric.meet(x0, y0, p, q)
         x, y = x0 + p * z, y0 + q * z
         interruption.check()  # maps of a large detector take seconds
-        slope_x, slope_y = self.quadric.gradient(x, y, z)
-        # polynomials grow fast outside their disk: from 2 % outside, beyond any mirror, use the quadric
-        defined = np.hypot(x, y) <= 1.02 * self.departure_radius_mm
-        for _ in range((MAX_STEPS if newton_steps is None else newton_steps) if self.departures else 0):
-            height = np.where(defined, self.departure_at(x, y)[0], 0.0)
-            before, z = z, base + height / (1.0 - p * slope_x - q * slope_y)
+        if self.departures:
+            steps, until_near = MAX_STEPS if newton_steps is None else newton_steps, newton_steps is None
+            if self.design:
+                start = np.zeros_like(z) if guess is None else guess(x, y)
+                z = self._follow_design(x0, y0, p, q, base, start, steps, until_near)
+            else:
+                z = self._follow_deviation(x0, y0, p, q, base, steps, until_near)
             x, y = x0 + p * z, y0 + q * z
-            interruption.check()
-            if newton_steps is None and not np.any(np.abs(z - before) > NEAR_MM):
-                break
         slope_x, slope_y = self.gradient(x, y)
         interruption.check()
         normal = np.stack([-slope_x, -slope_y, np.ones_like(z)], -1)
@@ -109,6 +142,65 @@ class Surface:
         interruption.check()
         outgoing = directions - 2.0 * np.sum(directions * normal, -1, keepdims=True) * normal
         return np.stack([x, y, z], -1), outgoing
+
+    def _follow_deviation(self, x0, y0, p, q, base, steps: int, until_near: bool) -> np.ndarray:
+        """Height z where lines (x0 + p z, y0 + q z, z) that meet the quadric at z = base meet the surface.
+
+        For slight departures: the quadric is as good as level over the way. until_near: stop early.
+        """
+        z, x, y = base, x0 + p * base, y0 + q * base
+        slope_x, slope_y = self.quadric.gradient(x, y, z)
+        defined = self._defined(x, y)
+        for _ in range(steps):
+            height = np.where(defined, self.departure_at(x, y)[0], 0.0)
+            before, z = z, base + height / (1.0 - p * slope_x - q * slope_y)
+            x, y = x0 + p * z, y0 + q * z
+            interruption.check()
+            if until_near and not np.any(np.abs(z - before) > NEAR_MM):
+                break
+        return z
+
+    def _follow_design(self, x0, y0, p, q, base, start, steps: int, until_near: bool) -> np.ndarray:
+        """The same for departures of any size: Newton's method, with the quadric's bend, as approach_exact.cl has it.
+
+        Of a point d from the line's point of the quadric, with the height h, the surface is where
+        n . d' = d' . B d' / 2, d' = d - (0, 0, h), for the quadric's normal n at that point and its form B. start:
+        the height from which to set out.
+        """
+        form, x, y = self.quadric, x0 + p * base, y0 + q * base
+        across, along, up = form.q_xx * x + form.q_xz * base, form.q_yy * y, 1 - form.q_zz * base - form.q_xz * x
+        dz = start * up / (up - across * p - along * q)
+        x, y = x0 + p * (base + dz), y0 + q * (base + dz)
+        for _ in range(steps):
+            height, slope_x, slope_y = self._departure_near(x, y)
+            dx, dy, du = p * dz, q * dz, dz - height
+            bend_x, bend_y, bend_z = form.q_xx * dx + form.q_xz * du, form.q_yy * dy, form.q_zz * du + form.q_xz * dx
+            left = -(across + bend_x / 2) * dx - (along + bend_y / 2) * dy + (up - bend_z / 2) * du
+            rise = (up - bend_z) * (1 - p * slope_x - q * slope_y) - (across + bend_x) * p - (along + bend_y) * q
+            step = left / rise
+            dz = dz - step
+            x, y = x0 + p * (base + dz), y0 + q * (base + dz)
+            interruption.check()
+            if until_near and not np.any(np.abs(step) > NEAR_MM):
+                break
+        return base + dz
+
+    def _departure_near(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As departure_at, with deviations only where they are defined."""
+        total = _sum(self.design, x_mm, y_mm)
+        if not self.deviation:
+            return total
+        defined, more = self._defined(x_mm, y_mm), _sum(self.deviation, x_mm, y_mm)
+        height, slope_x, slope_y = (a + np.where(defined, b, 0.0) for a, b in zip(total, more, strict=True))
+        return height, slope_x, slope_y
+
+
+def _outline(mirror) -> Outline | None:
+    if mirror.outline is None:
+        return None
+    from irtscots_cl.optics.outline import Outline  # imported late: few mirrors are no disks
+
+    return Outline.of(mirror)
 
 
 @_BESIDE

@@ -25,7 +25,7 @@ from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.simulate import Run, simulate
 from irtscots_cl.report.types import SettingFacts, Target
 from irtscots_cl.scene.model import Scene
-from irtscots_cl.tracing.options import ANALYTIC, ESTIMATORS, TraceOptions
+from irtscots_cl.tracing.options import ANALYTIC, ESTIMATORS, TraceOptions, can_smooth
 from irtscots_cl.tracing.trace import trace
 
 REPLICATES = 8
@@ -90,7 +90,7 @@ def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed: Any) -
     measures = [fixed["measure"]] if "measure" in fixed else list(NOISE_FREE)
     setup = Setup.of(scene)
     noise_free, scene = _noise_free(setup), setup.scene
-    pilots = [(way, _pilot(setup, device, way, measures)) for way in _ways(device, fixed)]
+    pilots = [(way, _pilot(setup, device, way, measures)) for way in _ways(scene, device, fixed)]
     found: list[Setting] = []
     usable: list[Setting] = []
     for name in measures:
@@ -109,11 +109,14 @@ def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed: Any) -
     return usable
 
 
-def _ways(device: Device, fixed: dict[str, Any]) -> list[TraceOptions]:
-    """The ways to trace that are considered: smoothed Sobol rays unless something else was fixed."""
+def _ways(scene: Scene, device: Device, fixed: dict[str, Any]) -> list[TraceOptions]:
+    """The ways to trace that are considered: Sobol rays, smoothed if they can be, unless something else was fixed."""
     estimator = fixed.get("estimator", "adjoint")
     precisions = [fixed["precision"]] if "precision" in fixed else ["fp32", "fp64"][: 1 + device.has_fp64]
-    sampler, smoothing = fixed.get("sampler", "sobol"), fixed.get("smoothing", estimator == "adjoint")
+    sampler, smoothing = (
+        fixed.get("sampler", "sobol"),
+        fixed.get("smoothing", estimator == "adjoint" and can_smooth(scene)),
+    )
     return [TraceOptions(estimator, sampler, precision, smoothing=smoothing) for precision in precisions]
 
 

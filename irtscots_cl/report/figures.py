@@ -19,6 +19,7 @@ from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.optics.pixel.chord import chord_cdf
 from irtscots_cl.report.fiducial import MapFrame, mark_x, x_direction
+from irtscots_cl.report.mirror_edge import draw_edge
 from irtscots_cl.system.atomic_files import replacing
 
 
@@ -151,4 +152,5 @@ def _map(
     picture = axes.imshow(values[frame.cut], origin="lower", extent=frame.extent, cmap=colours, **limits)
     axes.set(title=title, xlabel=frame.x_label, ylabel=frame.y_label)
     mark_x(axes, frame.towards)
+    draw_edge(axes, result, frame)
     figure.colorbar(picture, ax=axes, label=unit)

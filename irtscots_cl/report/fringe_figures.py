@@ -25,6 +25,7 @@ from irtscots_cl.report.fringe_file import (
     saturated_share,
     weakest_modulation,
 )
+from irtscots_cl.report.mirror_edge import draw_edge
 from irtscots_cl.system.atomic_files import replacing
 
 COLOURS = (  # of the reasons, used first
@@ -139,6 +140,7 @@ def _draw(figure: Figure, axes: Axes, one: _Map, maps: FringeMaps, result: Recon
     picture = axes.imshow(values, origin="lower", extent=frame.extent, cmap=one.colours, **_limits(one, values))
     axes.set(title=one.title, xlabel=frame.x_label, ylabel=frame.y_label)
     mark_x(axes, frame.towards)
+    draw_edge(axes, result, frame)
     figure.colorbar(picture, ax=axes, label=one.unit, shrink=0.8)
 
 
@@ -152,6 +154,7 @@ def _draw_reasons(axes: Axes, reason: IntArray, maps: FringeMaps, result: Recons
     axes.imshow(shown, origin="lower", extent=frame.extent, cmap=ListedColormap(COLOURS), norm=norm)
     axes.set(title="why pixels of the mirror are not used", xlabel=frame.x_label, ylabel=frame.y_label)
     mark_x(axes, frame.towards)
+    draw_edge(axes, result, frame)
     parts = [
         Patch(facecolor=colour, edgecolor="black", linewidth=0.5, label=f"{words}: {count}")
         for colour, words, count in zip(COLOURS, REASON_WORDS, counts, strict=True)

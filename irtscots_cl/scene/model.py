@@ -27,7 +27,7 @@ from irtscots_cl.scene.validation import SceneName, checked, nearest, problem, r
 VIEW_RINGS, VIEW_ANGLES = 4, 32  # of the mirror, where it is looked for in a device's view
 MAX_ELEMENTS = 16  # besides the scene's own: all events of an element fit six bits of a path
 OPTIONAL_TABLES = {  # keys of tables that few scenes have, by the path of the table that holds them
-    ("mirror",): (),
+    ("mirror",): ("asphere", "outline", "polynomial"),
     ("screen",): ("response", "shape", "cover_glass", "lines"),
     ("camera",): ("intrinsics",),
     ("camera", "detector"): ("noise",),
@@ -163,7 +163,8 @@ def _zernike_from_toml(entry: object, source: str, prefix: tuple[Any, ...]) -> Z
     """`{ radius_mm = 532.0, noll_um = { 6 = 0.3266 } }`: the key gives the ordering."""
     if not isinstance(entry, dict):
         raise problem(source, prefix, "must be a table [[mirror.zernike]]", entry)
-    allowed = ["radius_mm", *ZERNIKE_KEYS]
+    others = ("radius_mm", "obscuration")
+    allowed = [*others, *ZERNIKE_KEYS]
     for key in entry:
         if key not in allowed:
             raise problem(source, (*prefix, key), f"unknown key; {nearest(shown_word(key), allowed)}")
@@ -176,7 +177,7 @@ def _zernike_from_toml(entry: object, source: str, prefix: tuple[Any, ...]) -> Z
             if not (isinstance(index, str) and re.fullmatch("0|[1-9][0-9]{0,5}", index)):
                 raise problem(source, (*prefix, key, index), "must have an integer index as its key", value)
         terms = {int(index): value for index, value in terms.items()}
-    fields = {"radius_mm": entry["radius_mm"]} if "radius_mm" in entry else {}
+    fields = {name: entry[name] for name in others if name in entry}
     fields |= {"ordering": ZERNIKE_KEYS[key], "coefficients_um": terms}
     checked_terms: ZernikeTerms = _validated(ZernikeTerms, fields, source, prefix, rename=key)
     return checked_terms

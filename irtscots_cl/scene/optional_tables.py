@@ -20,10 +20,14 @@ KINDS = {  # path of keys -> (module of irtscots_cl.scene, its checked dataclass
     ("screen", "shape"): ("screen_shape", "ScreenShape"),
     ("screen", "cover_glass"): ("screen_shape", "CoverGlass"),
     ("screen", "lines"): ("screen_shape", "ScanLines"),
+    ("mirror", "asphere"): ("asphere", "Asphere"),
+    ("mirror", "outline"): ("outline", "Outline"),
     ("calibration",): ("calibration_known", "Calibration"),
 }
-LISTS: dict[tuple[str, ...], tuple[str, str]] = {}  # the same for arrays of tables
-FILES = ("quantum_efficiency_map", "brightness_map")  # keys whose value is a path
+LISTS: dict[tuple[str, ...], tuple[str, str]] = {  # the same for arrays of tables
+    ("mirror", "polynomial"): ("polynomial", "Polynomial"),
+}
+FILES = ("quantum_efficiency_map", "brightness_map", "file")  # keys whose value is a path
 _adapter = functools.cache(TypeAdapter)
 
 

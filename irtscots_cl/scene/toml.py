@@ -6,7 +6,12 @@ import dataclasses
 import re
 from typing import Any
 
-LISTS = ("element",)  # fields that are arrays of tables; [[mirror.zernike]] has a form of its own
+LISTS = (
+    "element",
+    "polynomial",
+    "part",
+    "spider",
+)  # fields that are arrays of tables; [[mirror.zernike]] has a form of its own
 
 
 def _toml_value(value: Any) -> str:
@@ -42,6 +47,7 @@ def toml_table(path: tuple[str, ...], part: Any) -> str:
             for terms in value:
                 key = f"{terms.ordering}_um"
                 tables += f"\n[[{'.'.join(inner)}]]\nradius_mm = {_toml_value(terms.radius_mm)}\n"
+                tables += f"obscuration = {_toml_value(terms.obscuration)}\n" if terms.obscuration else ""
                 tables += f"{key} = {_toml_value(terms.coefficients_um)}\n"
         elif field.name in LISTS:
             for element in value:

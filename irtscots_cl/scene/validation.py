@@ -21,7 +21,7 @@ MAX_LENGTH_MM = 1e12  # as a radius it means a plane mirror: 0.1 nm of sag over 
 MIN_LENGTH_MM = 1 / MAX_LENGTH_MM  # with it no inverse of a length overflows, not even in single precision
 MAX_PIXELS_PER_AXIS = 16384
 SHOWN_CHARACTERS = 40
-LISTS = ("element", "zernike")  # keys of arrays of tables
+LISTS = ("element", "zernike", "polynomial", "part", "spider")  # keys of arrays of tables
 
 
 class SceneError(ValueError):
@@ -33,7 +33,7 @@ class SceneError(ValueError):
 
 def bounded(**bounds: float) -> Any:
     """A range of floats, given as pydantic's gt, ge, le, with its text for error messages."""
-    words = {"gt": "above", "ge": "at least", "le": "at most"}
+    words = {"gt": "above", "ge": "at least", "le": "at most", "lt": "below"}
     text = "a finite number " + " and ".join(f"{words[kind]} {limit:g}" for kind, limit in bounds.items())
     limits: dict[str, Any] = dict(bounds)
     return Field(allow_inf_nan=False, description=text, **limits)

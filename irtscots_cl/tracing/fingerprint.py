@@ -20,5 +20,10 @@ def trace_fingerprint(
     device_identity: {"device", "driver"}: their names.
     """
     facts = {"scene": hash_of(scene.to_toml().encode())} | asdict(options)
+    outline = scene.mirror.outline
+    if outline is not None and outline.is_mask:  # the scene's text has the file's name alone
+        from irtscots_cl.scene.outline_mask import outline_mask  # imported late: few outlines are pictures
+
+        facts["outline"] = hash_of(outline_mask(outline).tobytes())
     numbers = {"rays_per_pixel": int(rays.sum()), "replicates": len(rays)}
     return facts | numbers | {**device_identity, "version": package_version()}

@@ -94,6 +94,14 @@ PATH_OPTIONS = {
 }
 
 
+def check_traceable(scene: Scene, options: TraceOptions) -> None:
+    """Refuse, with a ValueError, a scene that a sequential estimator or its smoothing cannot trace."""
+    check_sequential(scene, options.estimator)
+    if options.smoothing and not can_smooth(scene):
+        must = "must be one convex polygon with --smoothing, or rays be traced without it"
+        raise ValueError(f"scene {scene.name}: mirror.outline: {must}")
+
+
 def check_sequential(scene: Scene, estimator: str) -> None:
     """Refuse, with a ValueError, a scene with what only the non-sequential estimator sees."""
     if scene.is_sequential:
@@ -108,12 +116,18 @@ def check_sequential(scene: Scene, estimator: str) -> None:
     raise ValueError(f"scene {scene.name}: {what}: {must}")
 
 
+def can_smooth(scene: Scene) -> bool:
+    """Whether a ray's chord through the camera's aperture stays in one piece on the mirror, as smoothing needs it."""
+    return scene.mirror.outline is None or scene.mirror.outline.is_convex
+
+
 def check_nonsequential(scene: Scene) -> None:
     """Refuse, with a ValueError, a scene with what the non-sequential estimator does not see."""
     camera, screen = scene.camera, scene.screen
     for key, given in (
         ("camera.intrinsics.distortion", camera.is_distorted and list(camera.intrinsics.distortion)),
         ("camera.aperture_offset_mm", any(camera.aperture_offset_mm) and list(camera.aperture_offset_mm)),
+        ("mirror.outline", scene.mirror.outline is not None and "no whole disk"),
         ("screen.shape", screen.shape is not None and "a bent screen"),
         ("screen.cover_glass", screen.cover_glass is not None and "a plate on the pixels"),
     ):

@@ -23,7 +23,7 @@ from irtscots_cl.tracing.options import (
     MIN_CHANCE,
     NONSEQUENTIAL,
     TraceOptions,
-    check_sequential,
+    check_traceable,
 )
 from irtscots_cl.tracing.results.paths import PathLight
 from irtscots_cl.tracing.results.transport import LineLight, Transport
@@ -75,7 +75,7 @@ def trace(
         aimed_scatter=aimed_scatter, polarisation=polarisation,
     )  # fmt: skip
     if estimator != NONSEQUENTIAL:
-        check_sequential(setup.scene, estimator)
+        check_traceable(setup.scene, options)
     if estimator == ANALYTIC:
         return trace_analytic(setup)
     rays = share_rays(rays_per_pixel, replicates)

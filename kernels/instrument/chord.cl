@@ -20,6 +20,7 @@ INLINE maskv chord_ramp(__constant Scene *scene, const Chord *chord, const Meeti
     const realv half_length = real_sqrt(half2 > least2 ? half2 : (realv)(least2));
     realv low = -half_length - along, high = half_length - along;
     aperture_clip(&scene->mirror, met->point, chord->mirror_x, chord->mirror_y, &low, &high);
+    outline_clip(scene, met->point, chord->mirror_x, chord->mirror_y, &low, &high);
     const realv middle = (real)0.5 * (low + high), half_piece = (real)0.5 * (high - low);
     // a ramp is also widened if the slope of a heavy ray would not fit 31 bits
     const realv width = weight * (real)0x1p-30 > MIN_RAMP ? weight * (real)0x1p-30 : (realv)(MIN_RAMP);

@@ -2,11 +2,14 @@
 // mirror_nominal.cl. Frame: the world. Unit: mm.
 #include "surface_*.cl"
 #include "aperture_*.cl"
+#include "outline_*.cl"
 #include "departure.cl"
 
 // Where a line meets the mirror, and the departure and its slopes there. on_mirror: false if it misses the aperture or
 // the surface.
 typedef struct { vec3v point; maskv on_mirror; realv height, slope_x, slope_y; } Meeting;
+
+#include "approach_*.cl"
 
 INLINE Meeting mirror_meet(__constant Scene *scene, __global const real *tables, const Line *line) {
     Meeting at;
@@ -14,21 +17,14 @@ INLINE Meeting mirror_meet(__constant Scene *scene, __global const real *tables,
     return at;
 }
 
-// Follows the line from the quadric to the surface by Newton steps. The host chooses their number,
-// mirror.newton_steps, from the departure's size. The first step moves along the line by the height; further steps only
-// refine the point at which the departure is evaluated.
+// Follows the line from the quadric to the surface.
 INLINE void mirror_deviate(__constant Scene *scene, __global const real *tables, const Line *line, Meeting *at) {
     const vec3v base = at->point;
-    // Polynomials grow fast outside their disk. A line that meets the quadric 2 % outside it is not on the mirror.
+    // Polynomials grow fast outside their disk. A line that meets the quadric that far out is not on the mirror.
     at->on_mirror &= base.x * base.x + base.y * base.y <= scene->mirror.departure_radius2;
-    const vec3v normal = surface_normal(&scene->mirror, base);
-    const realv approach = normal.z / (normal.z + line->p * normal.x + line->q * normal.y);
-    for (int step = 0; step < scene->mirror.newton_steps; ++step) {
-        mirror_departure(scene, tables, at->point.x, at->point.y, &at->height, &at->slope_x, &at->slope_y);
-        const realv dz = at->height * approach;
-        at->point = (vec3v){base.x + line->p * dz, base.y + line->q * dz, base.z + dz};
-    }
+    mirror_approach(scene, tables, line, base, surface_normal(&scene->mirror, base), at);
     at->on_mirror &= aperture_contains(&scene->mirror, at->point);
+    outline_limit(scene, tables, at->point, &at->on_mirror);
 }
 
 // The quadric's normal below the point.

@@ -6,14 +6,19 @@ import dataclasses
 
 import numpy as np
 import pytest
+from freeform import ANNULAR, freeform
+from scenes import coarse
 from surfaces import exact
 
 from irtscots_cl.analysis.comparison import compare
+from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.integration import separate_islands
 from irtscots_cl.maths.statistics import Estimate
 from irtscots_cl.maths.zernike.polynomials import zernike
+from irtscots_cl.measurement.reconstruction import reconstruct
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.tracing.trace import trace
 
 ROUNDING = 1e-9  # relative: heights of up to 1e-3 mm and a fit of 45 terms
 
@@ -161,3 +166,58 @@ def test_a_comparison_prints_its_main_numbers_with_units(scene, result):
     assert "slope error x [urad rms]  2\n" in text
     assert "[nm rms]" in text and "piston, tilt, power" in text
     assert len([line for line in text.splitlines() if line.strip()[:2] in ("6 ", "8 ", "9 ", "11", "29", "38")]) == 6
+
+
+# --- mirrors whose deviation is not a sum of circular terms on one disk --------------------------------------
+
+
+def ring_of(scene):
+    return dataclasses.replace(scene.mirror, obscuration_mm=266.0, zernike=ANNULAR[:1])
+
+
+def test_annular_terms_come_back_as_they_were_given(scene):
+    ring = dataclasses.replace(scene, mirror=ring_of(scene))
+    result = exact(ring)
+    mask = result.mask & (np.hypot(result.x_mm, result.y_mm) > 133.0)
+    found = {row.noll: row for row in compare(dataclasses.replace(result, mask=mask), ring, "annular").zernike}
+    given = ANNULAR[0].coefficients_um
+    for noll, row in found.items():
+        assert row.input_um == given.get(noll, 0.0)
+        assert noll == 1 or row.output_um == pytest.approx(row.input_um, abs=1e-9)  # um: rounding of the fit
+    circular = {row.noll: row for row in compare(dataclasses.replace(result, mask=mask), ring).zernike}
+    assert abs(circular[11].output_um - given[11]) > 0.01  # other terms: their inputs are not the table's numbers
+    assert all(row.input_um == row.expected_um for row in circular.values())
+
+
+@pytest.mark.slow
+def test_measured_light_of_a_ring_gives_its_terms_back(scene):
+    """Images of the closed form, measured with annular terms: what is left are the lines' and the integration's."""
+    ring = coarse(dataclasses.replace(scene, mirror=ring_of(scene)), 61)
+    run = trace(ring, estimator="analytic")
+    result = reconstruct(run.images(LineScan(ring)), ring.nominal())
+    found = compare(result, ring, "annular").zernike
+    assert max(abs(row.output_um - row.input_um) for row in found if 4 <= row.noll <= 37) < 5e-3  # um
+    assert max(abs(row.input_um) for row in found) == 0.3
+
+
+def test_a_deviation_with_polynomials_is_expected_as_it_is_and_its_design_is_not(scene):
+    """The coefficients that a fit of the true deviation has, not those of the Zernike table alone."""
+    whole = dataclasses.replace(scene, mirror=dataclasses.replace(freeform().mirror, zernike=scene.mirror.zernike))
+    result = exact(whole)
+    comparison = compare(result, whole)
+    assert max(heights(comparison)) < 1e-6 and comparison.zernike_fit.residual_nm < 200
+    given = scene.mirror.zernike[0].coefficients_um
+    rows = {row.noll: row for row in comparison.zernike}
+    for row in rows.values():
+        assert row.input_um == row.expected_um
+        assert row.noll == 1 or row.output_um == pytest.approx(row.input_um, abs=1e-9)  # um: rounding
+    assert abs(rows[6].input_um - given[6]) > 0.05  # the polynomial's astigmatism
+
+
+def test_terms_on_two_disks_are_expected_as_their_sum(scene):
+    tables = (*scene.mirror.zernike, ANNULAR[1])
+    both = dataclasses.replace(scene, mirror=dataclasses.replace(scene.mirror, zernike=tables))
+    rows = {row.noll: row for row in compare(exact(both), both).zernike}
+    assert all(row.input_um == row.expected_um for row in rows.values())
+    # power on a disk of 600 mm is (532 / 600)^2 of it on one of 532 mm; the fourth order's piece is small
+    assert rows[4].input_um != 0 and abs(rows[6].input_um - scene.mirror.zernike[0].coefficients_um[6]) > 1e-3

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lopsided import lopsided
+from scenes import scene_of
 
 from irtscots_cl.calibration.jacobian import centroid_jacobian, design_centroids
 from irtscots_cl.calibration.parameters import known_parameters, moved, parameter, zernike_names
@@ -20,13 +21,25 @@ TERMS = zernike_names([1, 2, 4, 7, 11, 22])
 ROUNDING_MM = 2e-11  # of (u, v): some ulp of lengths of 4 m, times the lever of the reflected ray
 STEPS_MM = 5e-10  # distortion is inverted to 1e-13, seen from 4 m away; a bent screen is met to 1e-11
 MOVE_MM = 0.1
-SCENES = ("sphere", "off-axis", "lopsided", "everything", "glass", "bent glass", "measured")
+SCENES = (
+    "sphere",
+    "off-axis",
+    "lopsided",
+    "asphere",
+    "lopsided-asphere",
+    "everything",
+    "glass",
+    "bent glass",
+    "measured",
+)
 
 
 def scene_with(kind: str):
     """A scene; the later ones with roll, clocking, distortion, region of interest, unequal pitches and a shape."""
     if kind == "lopsided":
         return lopsided()
+    if kind in ("asphere", "lopsided-asphere"):
+        return scene_of(kind)
     if kind in ("sphere", "off-axis"):
         return load_scene(kind)
     scene = load_scene("sphere-deviated")

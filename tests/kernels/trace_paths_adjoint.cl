@@ -7,8 +7,9 @@
 // mirror crosses z = 0, mirror point in world coordinates, screen position in the screen's frame, weight, the unit disk's
 // point; marks [same rays][2]: met the mirror, runs towards the screen.
 // Grid: (visible_pixels chosen, rays of each / BLOCK).
-__kernel void trace_paths_adjoint(__constant Scene *scene, const Launch launch, __global const Receiver *receivers,
-                                  __global const uint *chosen, __global real *paths, __global int *marks) {
+__kernel void trace_paths_adjoint(__constant Scene *scene, __global const real *tables, const Launch launch,
+                                  __global const Receiver *receivers, __global const uint *chosen,
+                                  __global real *paths, __global int *marks) {
     const Receiver receiver = receivers[chosen[get_global_id(0)]];
     const size_t block = get_global_id(0) * get_global_size(1) + get_global_id(1);
     Sampler sampler;
@@ -18,8 +19,8 @@ __kernel void trace_paths_adjoint(__constant Scene *scene, const Launch launch, 
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
         realv weight, at_u, at_v, disk_x, disk_y;
         const Line line = adjoint_emit(scene, &receiver, &words, v, &weight);
-        Meeting met = mirror_meet(scene, &line);
-        mirror_deviate(scene, &line, &met);
+        Meeting met = mirror_meet(scene, tables, &line);
+        mirror_deviate(scene, tables, &line, &met);
         const maskv ahead = adjoint_arrive(scene, &receiver, &line, &met, &at_u, &at_v);
         unit_disk(ray_words(&words, ADJOINT_APERTURE_RADIUS, v), ray_words(&words, ADJOINT_APERTURE_ANGLE, v),
                   &disk_x, &disk_y);

@@ -9,8 +9,9 @@
 // camera's frame, the unit disk's point; marks [same rays][3]: met the mirror, went through the aperture, detector pixel
 // or -1.
 // Grid: (sources, rays of each / BLOCK).
-__kernel void trace_paths_forward(__constant Scene *scene, const Launch launch, __global const Emitter *emitters,
-                                  __global const uint *sources, __global real *paths, __global int *marks) {
+__kernel void trace_paths_forward(__constant Scene *scene, __global const real *tables, const Launch launch,
+                                  __global const Emitter *emitters, __global const uint *sources,
+                                  __global real *paths, __global int *marks) {
     const Emitter emitter = emitters[sources[get_global_id(0)]];
     const size_t block = get_global_id(0) * get_global_size(1) + get_global_id(1);
     Sampler sampler;
@@ -20,8 +21,8 @@ __kernel void trace_paths_forward(__constant Scene *scene, const Launch launch, 
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
         const Direction aim = forward_aim(&emitter, &words, v);
         const Line line = forward_emit(scene, &emitter, &aim, &words, v);
-        Meeting met = mirror_meet(scene, &line);
-        mirror_deviate(scene, &line, &met);
+        Meeting met = mirror_meet(scene, tables, &line);
+        mirror_deviate(scene, tables, &line, &met);
         const Arrival at = forward_arrive(scene, &line, &met);
         realv disk_x, disk_y;
         unit_disk(ray_words(&words, FORWARD_AIM_RADIUS, v), ray_words(&words, FORWARD_AIM_ANGLE, v), &disk_x, &disk_y);

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from irtscots_cl.maths.zernike.annular import annular_zernike
+from irtscots_cl.maths.zernike.indices import noll_to_nm
 from irtscots_cl.maths.zernike.polynomials import zernike
+from irtscots_cl.maths.zernike.series import evaluate_series, joined_series, power_rows, radial_series
 
 R2, R3, R5, R6, R8 = np.sqrt([2, 3, 5, 6, 8])
 
@@ -69,3 +71,36 @@ def test_refusals():
             annular_zernike(4, 0.0, 0.0, ratio)
     with pytest.raises(ValueError, match="below the first noll index"):
         annular_zernike(0, 0.0, 0.0, 0.5)
+
+
+@pytest.mark.parametrize("ratio", [0.2, 0.7])
+@pytest.mark.parametrize("size", [1.0, 1.3])
+def test_sums_of_annular_terms_are_what_their_terms_add_up_to(ratio, size):
+    """Noll 496 is of order 30. The disk of the terms is `size` times that of the tables."""
+    random = np.random.default_rng(2)
+    radius, angle = np.sqrt(random.uniform((ratio * size) ** 2, 1, 300)), random.uniform(0, 2 * np.pi, 300)
+    x, y = radius * np.cos(angle), radius * np.sin(angle)
+    nolls = (1, 2, 3, 4, 6, 7, 11, 22, 33, 45, 231, 496)
+    given = {noll_to_nm(j): float(random.normal()) for j in nolls}
+    series = radial_series(given, ratio, size)
+    found = evaluate_series(series, x, y)
+    expected = sum(given[noll_to_nm(j)] * annular_zernike(j, x / size, y / size, ratio) for j in nolls)
+    np.testing.assert_allclose(found[0], expected, rtol=0, atol=1e-12)  # rounding of 15 steps
+    step = 1e-5
+    for slope, dx, dy in ((found[1], step, 0.0), (found[2], 0.0, step)):
+        rise = evaluate_series(series, x + dx, y + dy)[0] - evaluate_series(series, x - dx, y - dy)[0]
+        np.testing.assert_allclose(slope, rise / (2 * step), rtol=0, atol=1e-4)  # step^2/6 times a third derivative
+
+
+def test_series_of_several_rings_add_up_term_by_term():
+    x, y = np.random.default_rng(3).uniform(-0.7, 0.7, (2, 40))
+    parts = [radial_series({(4, 0): 1.0, (5, -3): 0.5}, 0.3), radial_series({(2, 2): 1.0, (7, 3): 0.2}, 0.0, 1.2),
+             radial_series({(4, 0): -0.4}, 0.5, 1.1)]  # fmt: skip
+    joined = joined_series(parts)
+    assert joined.m.tolist() == [0, 0, 2, 3, 3]
+    whole = evaluate_series(joined, x, y)
+    for k in range(3):
+        np.testing.assert_allclose(whole[k], sum(evaluate_series(p, x, y)[k] for p in parts), rtol=0, atol=1e-14)
+    rows = power_rows(joined)  # rows of equal order are one
+    assert rows.order.tolist() == [0, 2, 3, 3] and sorted(rows.sine.tolist()) == [0, 0, 0, 1]
+    assert len(rows.coefficient) == rows.count.sum()

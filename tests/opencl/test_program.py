@@ -11,8 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from aspheres import asphere_scene
+from freeform import lopsided_freeform
 from lopsided import lopsided
+from outlined import OUTLINED, outline_of
 from real_setup import SHAPES, real_setup
+from scenes import with_part
 
 from irtscots_cl.opencl.device import DeviceError
 from irtscots_cl.opencl.program import build, check_precision, compose, kernel_files, kernels_folder
@@ -50,7 +54,15 @@ DEVICE_FAMILIES = {
     "screen": ["flat", "bent"],
     "glass": ["none", "plate"],
 }
+# What mirrors with aspheric terms or polynomials choose.
+DEPARTURE_FAMILIES = {
+    "approach": ["slight", "exact"],
+    "asphere": ["none", "even", "odd"],
+    "polynomial": ["none", "chebyshev"],
+}
+NO_DEPARTURE = {family: members[0] for family, members in DEPARTURE_FAMILIES.items()}
 PLAIN = {family: members[0] for family, members in DEVICE_FAMILIES.items()}
+OUTLINES = ["none", "polygon", "parts", "mask"]  # of a mirror that is no whole disk
 LENSES = ["polynomial", "rational"]  # of a camera with distortion
 REAL = {family: members[1] for family, members in DEVICE_FAMILIES.items()}
 STRUCTS = {"Launch": LAUNCH}
@@ -58,7 +70,7 @@ STRUCTS = {"Launch": LAUNCH}
 
 def all_choices():
     for members in itertools.product(*FAMILIES.values()):
-        yield PLAIN | dict(zip(FAMILIES, members, strict=True))
+        yield PLAIN | NO_DEPARTURE | {"outline": "none"} | dict(zip(FAMILIES, members, strict=True))
 
 
 def write(path, text):
@@ -99,16 +111,37 @@ def scene_for(choices):
 )
 def test_every_combination_of_files_composes_and_builds(device, choices):
     packed = pack(ChiefRays(scene_for(choices)), "fp32")
-    chosen = ("surface", "mirror", "arrival", "aperture", *(["zernike"] if choices["mirror"] == "deviated" else []))
-    assert packed.choices == {family: choices[family] for family in (*chosen, *PLAIN)}
+    of_deviated = ["zernike", *NO_DEPARTURE] if choices["mirror"] == "deviated" else []
+    chosen = ("surface", "mirror", "arrival", "aperture", *of_deviated)
+    assert packed.choices == {family: choices[family] for family in (*chosen, *PLAIN, "outline")}
     for estimator in (*ESTIMATORS, "lines"):
         width = device.vector_width("fp32")
         source = compose(f"trace_{estimator}.cl", choices, packed.structs, "fp32", width, packed.constants)
         for family, member in choices.items():
-            if family == "zernike" and choices["mirror"] == "nominal":
+            if family in ("zernike", *NO_DEPARTURE) and choices["mirror"] == "nominal":
                 continue
             assert [f for f in source.files if f.startswith(f"{family}_")] == [f"{family}_{member}.cl"]
         assert [k.function_name for k in build(device, source).all_kernels()] == [f"trace_{estimator}"]
+
+
+def test_polynomials_compose_and_build(device, precision):
+    packed = pack(ChiefRays(lopsided_freeform()), precision)
+    assert packed.choices | {"mirror": "deviated", "polynomial": "chebyshev"} == packed.choices
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    for estimator, width in itertools.product(ESTIMATORS, {1, device.vector_width(precision)}):
+        source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
+        assert "polynomial_chebyshev.cl" in source.files
+
+
+@pytest.mark.parametrize("asphere", ["even", "odd"])
+def test_every_kind_of_asphere_composes_and_builds(device, precision, asphere):
+    packed = pack(ChiefRays(asphere_scene({"even": "deviated"}.get(asphere, asphere))), precision)
+    expected = {"mirror": "deviated", "approach": "exact", "asphere": asphere}
+    assert packed.choices | expected == packed.choices
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    for estimator, width in itertools.product((*ESTIMATORS, "lines"), {1, device.vector_width(precision)}):
+        source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
+        build(device, source)
 
 
 KINDS = [(distorted, shape, glass) for distorted in (False, True) for shape in SHAPES for glass in (False, True)]
@@ -135,6 +168,19 @@ def test_every_kind_of_camera_and_screen_composes_and_builds(device, precision, 
         build(device, source)
 
 
+@pytest.mark.parametrize("shape", OUTLINED)
+def test_every_kind_of_outline_composes_and_builds(device, precision, shape, tmp_path):
+    """At the device's own width and ray by ray; chords where they are in one piece."""
+    scene = with_part(scene_for(next(all_choices())), "mirror", outline=outline_of(shape, 300.0, tmp_path))
+    packed = pack(ChiefRays(scene), precision)
+    entries = [*ESTIMATORS, *(["lines"] if packed.choices["outline"] == "polygon" else [])]
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    for estimator, width in itertools.product(entries, {1, device.vector_width(precision)}):
+        source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
+        assert f"outline_{packed.choices['outline']}.cl" in source.files
+        build(device, source)
+
+
 def test_no_kernel_file_is_dead():
     used = {
         file
@@ -143,13 +189,28 @@ def test_no_kernel_file_is_dead():
         for precision, width in itertools.product(("fp32", "fp64"), (1, 8))
         for file in compose(f"trace_{estimator}.cl", choices, STRUCTS, precision, width).files
     }
+    for outline in OUTLINES:
+        choices = next(all_choices()) | {"outline": outline}
+        used |= set(compose("trace_adjoint.cl", choices, STRUCTS, "fp32", 8).files)
     for estimator, lens in itertools.product((*ESTIMATORS, "lines"), LENSES):
         choices = next(all_choices()) | REAL | {"lens": lens}
         used |= set(compose(f"trace_{estimator}.cl", choices, STRUCTS, "fp32", 8).files)
+    for members in itertools.product(*DEPARTURE_FAMILIES.values()):
+        choices = next(c for c in all_choices() if c["mirror"] == "deviated")
+        choices |= dict(zip(DEPARTURE_FAMILIES, members, strict=True))
+    for members in itertools.product(*DEPARTURE_FAMILIES.values()):
+        choices = next(c for c in all_choices() if c["mirror"] == "deviated")
+        choices |= dict(zip(DEPARTURE_FAMILIES, members, strict=True))
+        used |= set(compose("trace_forward.cl", choices, STRUCTS, "fp32", 8).files)
     for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
     for *members, light in itertools.product(*PATH_FAMILIES.values(), LIGHT_FAMILIES["light"]):
-        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {"sampler": "philox", "zernike": "power", **PLAIN}
+        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {
+            "sampler": "philox",
+            "zernike": "power",
+            **PLAIN,
+            **NO_DEPARTURE,
+        }
         choices |= dict.fromkeys(LIGHT_FAMILIES, light)
         first = [name for name in kernel_files() if name.startswith("interact_")]
         first += ["element_deviated.cl", *(name for name in kernel_files() if name.startswith("scatter_"))]
@@ -172,7 +233,8 @@ def test_families_here_are_those_of_the_folder():
         for path in kernel_files().values()
         for star in re.findall(r'^#include "([a-z0-9_]+)_\*\.cl"', path.read_text(), re.M)
     }
-    families = FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES | {"lens": LENSES}
+    families = FAMILIES | DEPARTURE_FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES
+    families |= {"lens": LENSES, "outline": OUTLINES}
     assert stars == {*families, "simd", "real"}
     for family, members in families.items():
         assert {f"{family}_{member}.cl" for member in members} == {

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from irtscots_cl.optics.pixel.edges import Circle
 from irtscots_cl.optics.pixel.quadrature import PixelQuadrature, cut_cells, join, whole_cells, without
 from irtscots_cl.optics.pixel.ray_map import OUTPUTS, RayMap
 
@@ -70,7 +71,7 @@ class Footprints:
 
 
 def cut(footprints, radius_mm) -> PixelQuadrature:
-    return cut_cells(footprints.maps(), np.arange(len(footprints.centre)), radius_mm, ALONG, ACROSS)
+    return cut_cells(footprints.maps(), np.arange(len(footprints.centre)), Circle(radius_mm), ALONG, ACROSS)
 
 
 def around(radius_mm, count, inward_mm):

@@ -127,8 +127,8 @@ MEET = """    const __global real *given = lines + 4 * WIDTH * get_global_id(0);
     for (int lane = 0; lane < WIDTH; ++lane)
         for (int i = 0; i < 4; ++i) ((real *)&of[i])[lane] = given[4 * lane + i];
     const Line line = {of[0], of[1], of[2], of[3]};
-    Meeting at = mirror_meet(scene, &line);
-    mirror_deviate(scene, &line, &at);
+    Meeting at = mirror_meet(scene, tables, &line);
+    mirror_deviate(scene, tables, &line, &at);
     const vec3v normal = mirror_normal(scene, &at);
     const intv met = to_int(at.on_mirror);
     const realv values[6] = {at.point.x, at.point.y, at.point.z, normal.x, normal.y, normal.z};
@@ -146,7 +146,8 @@ def test_device_meets_the_same_points_with_the_same_slopes(device, tmp_path, pre
     entry = kernel_text(
         tmp_path / "meet.cl",
         ["reflection.cl"],
-        "__constant Scene *scene, __global const real *lines, __global real *out, __global int *marks",
+        "__constant Scene *scene, __global const real *tables, __global const real *lines, __global real *out, "
+        "__global int *marks",
         MEET,
     )
     kernel = SmallKernel(device, entry, precision, scene)
@@ -159,7 +160,9 @@ def test_device_meets_the_same_points_with_the_same_slopes(device, tmp_path, pre
     height = surface.sag(x, y)
     lines = np.stack([x - slopes[0] * height, y - slopes[1] * height, *slopes], -1).astype(kernel.real)
     out, marks = kernel.run(
-        (count // kernel.width, 1), [lines], [np.zeros((count, 6), kernel.real), np.zeros(count, np.int32)]
+        (count // kernel.width, 1),
+        [kernel.tables, lines],
+        [np.zeros((count, 6), kernel.real), np.zeros(count, np.int32)],
     )
     x0, y0, p, q = lines.astype(float).T
     start = np.stack([x0 + 3000 * p, y0 + 3000 * q, np.full(count, 3000.0)], -1)

@@ -86,6 +86,37 @@ def zernike_polar(n: int, m: int, rho: np.ndarray, angle: np.ndarray) -> tuple[n
     return norm * radial * wave, norm * radial_slope * wave, norm * radial * wave_slope
 
 
+# --- aspheric terms from their definition -------------------------------------------------------------------
+
+COMPLEX_STEP = 1e-30  # mm: Im f(r + i h) / h is the derivative without any difference
+
+# Forbes 2007, table of the first Qbfs polynomials: factor, and coefficients of 1, x, x^2, ...
+Q_BFS = (
+    (1.0, (1,)),
+    (1 / math.sqrt(19), (13, -16)),
+    (math.sqrt(2 / 95), (29, -100, 76)),
+    (math.sqrt(2 / 2545), (207, -1260, 2308, -1280)),
+    (1 / (3 * math.sqrt(131831)), (7737, -74448, 236192, -299008, 130304)),
+)
+
+
+def aspheric_height(terms, radius_mm: float, r: np.ndarray) -> np.ndarray:
+    """Sum of powers of r, of Qcon and of Qbfs terms at complex r [mm]."""
+    height = sum((value * r**n for n, value in (terms.coefficients_mm or {}).items()), np.zeros_like(r))
+    if terms.normalisation_radius_mm is None:
+        return height
+    x = (r / terms.normalisation_radius_mm) ** 2
+    for m, value_um in (terms.q_con_um or {}).items():  # the Jacobi polynomial P_m^(0,4)(2 x - 1) as a finite sum
+        jacobi = sum(math.comb(m, s) * math.comb(m + 4, s) * (x - 1) ** s * x ** (m - s) for s in range(m + 1))
+        height = height + value_um * 1e-3 * x * x * jacobi
+    along_normal = np.sqrt(1 - (r / radius_mm) ** 2)
+    for m, value_um in (terms.q_bfs_um or {}).items():
+        factor, powers = Q_BFS[m]
+        polynomial = sum(c * x**k for k, c in enumerate(powers))
+        height = height + value_um * 1e-3 * x * (1 - x) * factor * polynomial / along_normal
+    return height
+
+
 # --- mirror ------------------------------------------------------------------------------------------------
 
 
@@ -114,19 +145,36 @@ class OracleMirror:
         """Segment's centre in the parent's frame (vertex at 0, axis +Z); rotation parent <- segment."""
         radius, k, d = self.mirror.radius_mm, self.mirror.conic, self.mirror.off_axis_mm
         height = d * d / radius / (1 + math.sqrt(1 - (1 + k) * (d / radius) ** 2))  # the conic's sag formula
+        height += float(self.aspheric(np.array(d), np.array(0.0))[0])
         normal = -self._parent_gradient(np.array([d, 0.0, height]))
         normal = normal / math.sqrt(normal @ normal)
         y = np.array([0.0, 1.0, 0.0])
         return np.array([d, 0.0, height]), np.stack([np.cross(y, normal), y, normal], axis=1)
 
+    def aspheric(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What the parent has above its conic along its axis [mm], and its slopes, at (x, y) of the parent's frame."""
+        terms, r = getattr(self.mirror, "asphere", None), np.hypot(x, y)
+        if terms is None:
+            return np.zeros_like(r), np.zeros_like(r), np.zeros_like(r)
+        height = aspheric_height(terms, self.mirror.radius_mm, r + 1j * COMPLEX_STEP)
+        by_r, r = height.imag / COMPLEX_STEP, np.where(r > 0, r, 1.0)
+        return height.real, by_r * x / r, by_r * y / r
+
     def _parent(self, point: np.ndarray) -> np.ndarray:
-        """X^2 + Y^2 + (1 + k) Z^2 - 2 R Z, over 2 R: zero on the parent, dropping by 1 per mm of height."""
+        """X^2 + Y^2 + (1 + k) Z^2 - 2 R Z, over 2 R, at the point lowered by the aspheric terms.
+
+        It is zero on the parent and drops by 1 per mm of height.
+        """
         x, y, z = np.moveaxis(point, -1, 0)
+        z = z - self.aspheric(x, y)[0]
         return (x * x + y * y + (1 + self.mirror.conic) * z * z) / (2 * self.mirror.radius_mm) - z
 
     def _parent_gradient(self, point: np.ndarray) -> np.ndarray:
-        x, y, z = np.moveaxis(point, -1, 0) / self.mirror.radius_mm
-        return np.stack([x, y, (1 + self.mirror.conic) * z - 1], -1)
+        x, y, z = np.moveaxis(point, -1, 0)
+        height, slope_x, slope_y = self.aspheric(x, y)
+        down = (1 + self.mirror.conic) * (z - height) / self.mirror.radius_mm - 1
+        x, y = x / self.mirror.radius_mm, y / self.mirror.radius_mm
+        return np.stack([x - down * slope_x, y - down * slope_y, down], -1)
 
     def implicit(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """g at world points and its gradient: the parent's equation at the point lowered by the deviation."""

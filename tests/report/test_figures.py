@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from outlined import outline_of
+from scenes import with_part
 from synthetic import noise_free_stack, small_scene, with_replicates
 
 from irtscots_cl.analysis.comparison import compare
@@ -30,6 +32,24 @@ def test_the_figures_are_pictures(run, tmp_path, separated):
     assert names == ["images.png", "light_curve.png", "slopes.png", "height.png"] + ["error_parts.png"] * separated
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
     assert all((tmp_path / name).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" for name in names)
+
+
+def test_maps_show_the_edge_of_a_mirror_that_is_no_disk():
+    """An L: the edge lies along the measured pixels, its foot towards +x at the lowest y."""
+    scene = small_scene(pixels=21)
+    scene = with_part(scene, "mirror", outline=outline_of("ell", scene.mirror.diameter_mm))
+    result = reconstruct(noise_free_stack(scene), scene.nominal())
+    axes = height_figure(result, None).axes[0]
+    (edge,) = [line.get_xydata() for line in axes.lines if line.get_gid() == "edge"]
+    radius = scene.mirror.diameter_mm / 2
+    assert edge[edge[:, 1] < -0.4 * radius, 0].max() == pytest.approx(0.45 * radius, abs=0.02 * radius)
+    assert edge[edge[:, 1] > 0.4 * radius, 0].max() == pytest.approx(-0.15 * radius, abs=0.02 * radius)
+    surface = result.setup.chief_rays.surface
+    x, y = result.x_mm[result.mask], result.y_mm[result.mask]
+    assert surface.contains(x, y).all()
+    shape = result.mask.shape
+    low, high = result.mask[: shape[0] // 2], result.mask[shape[0] // 2 :]
+    assert low[:, shape[1] // 2 + 2 :].any() and not high[:, shape[1] // 2 + 2 :].any()
 
 
 def maps_of(figure):

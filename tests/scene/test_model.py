@@ -184,14 +184,6 @@ def test_the_largest_allowed_values_are_accepted():
 # --- Python -------------------------------------------------------------------------------------------------
 
 
-def test_all_zernike_tables_share_one_disk():
-    first, second = ZernikeTerms(532.0, "noll", {5: 0.1}), ZernikeTerms(600.0, "osa", {5: 0.1})
-    with pytest.raises(SceneError) as caught:
-        Mirror(4000.0, 1000.0, zernike=(first, second))
-    must = "must be the first table's (532.0): all terms share one disk"
-    assert str(caught.value) == f"Mirror: zernike[1].radius_mm = 600.0: {must}"
-
-
 def test_scenes_are_frozen_hashable_and_survive_pickling():
     scene = Scene.from_dict(BASE)
     with pytest.raises(dataclasses.FrozenInstanceError):

@@ -235,7 +235,7 @@ def test_data_that_holds_itself_or_is_no_table_is_refused():
     own["mirror"] = own
     assert refusal(changed("mirror", to=own)) == (
         "my.toml: mirror.mirror: unknown key; allowed: radius_mm, diameter_mm, conic, off_axis_mm, "
-        "obscuration_mm, reflectance, zernike, scatter"
+        "obscuration_mm, reflectance, zernike, scatter, polynomial, asphere, outline"
     )
     for data in (3, None, [], "x"):
         assert refusal(data) == f"my.toml: {data!r}: must be a table"

@@ -35,7 +35,7 @@ class SmallKernel:
         if scene is not None:
             packed = pack(ChiefRays(scene), precision)
             structs, choices, self._scene = packed.structs, packed.choices, packed.scene
-            constants = packed.constants
+            constants, self.tables = packed.constants, packed.tables
         source = compose(entry, choices | {"sampler": "philox"}, structs, precision, self.width, constants)
         self._work = Workspace(device, source, entry.stem)
 

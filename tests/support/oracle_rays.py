@@ -39,7 +39,8 @@ def _run(device, scene, precision: str, name: str, sources: np.ndarray, chosen: 
         np.zeros((len(chosen), RAYS, marks), np.int32),
     ]
     launch = launch_of(seed_low=SEED, first_ray=FIRST_RAY)
-    paths, flags = kernel.run((len(chosen), RAYS // kernel.block), [launch, sources, chosen], outputs)
+    inputs = [kernel.tables, launch, sources, chosen]
+    paths, flags = kernel.run((len(chosen), RAYS // kernel.block), inputs, outputs)
     return paths.astype(float).reshape(-1, fields), flags.reshape(-1, marks)
 
 

@@ -6,9 +6,11 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+from freeform import lopsided_freeform
 from lopsided import lopsided
 from real_setup import REAL
 
+from irtscots_cl.scene.asphere import Asphere
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import Scene
@@ -24,19 +26,23 @@ CURVATURES = ("convex", "flat", "lopsided-convex", "sideways")  # not concave; n
 
 
 def scene_of(name: str) -> Scene:
-    """A preset, an example with a mirror that is not concave, the lop-sided scene in which no two lengths are equal, or
-    one of REAL with what real set-ups have.
+    """A preset, an example with a mirror that is no concave conic, the lop-sided scene in which no two lengths are
+    equal, or one of REAL with what real set-ups have.
 
     "lopsided-convex": its mirror bent the other way, before a larger screen. "sideways": devices that look along Y.
+    "lopsided-asphere": its mirror with even and odd terms, off the parent's axis. "freeform", "lopsided-freeform":
+    their mirrors have polynomials and annular terms.
     """
     if name in REAL:
         return REAL[name]()
-    if name in ("convex", "flat"):
+    if name in ("convex", "flat", "asphere", "freeform"):
         return load_scene(str(EXAMPLES / f"{name}.toml"))
     if name == "lopsided-convex":
         return with_part(with_part(lopsided(), "mirror", radius_mm=-1500.0), "screen", pitch_mm=20.0, pixels=(69, 51))
-    if name == "sideways":
-        return sideways()
+    if name == "lopsided-asphere":
+        return with_part(lopsided(), "mirror", asphere=Asphere({3: 1e-9, 4: 1e-11, 6: -1e-17}))
+    if name in MADE:
+        return MADE[name]()
     return lopsided() if name == "lopsided" else load_scene(name)
 
 
@@ -49,6 +55,9 @@ def sideways() -> Scene:
     screen = Screen(position_mm=(20.0, -1500.0, 300.0), look_at_mm=(20.0, 0.0, 300.0), pixels=(280, 80), pitch_mm=5.0)
     terms = ZernikeTerms(radius_mm=300.0, ordering="noll", coefficients_um={5: 1.0, 8: -0.7})
     return Scene("sideways", Mirror(radius_mm=math.inf, diameter_mm=600.0, zernike=(terms,)), screen, camera)
+
+
+MADE = {"sideways": sideways, "lopsided-freeform": lopsided_freeform}
 
 
 def with_part(scene: Scene, part: str, **changes) -> Scene:

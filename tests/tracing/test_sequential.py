@@ -400,7 +400,8 @@ def ray_by_ray(device, scene, name, sources, chosen, fields, marks, first_ray):
         np.zeros((len(chosen), RAYS, marks), np.int32),
     ]
     launch = launch_of(seed_low=3, first_ray=first_ray)
-    return kernel.run((len(chosen), RAYS // kernel.block), [launch, sources, chosen], outputs)
+    inputs = [kernel.tables, launch, sources, chosen]
+    return kernel.run((len(chosen), RAYS // kernel.block), inputs, outputs)
 
 
 @pytest.mark.parametrize("scene", [coarse(), lopsided(), real_setup()], ids=lambda scene: scene.name)

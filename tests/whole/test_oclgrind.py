@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from freeform import ANNULAR, freeform
 from oclgrind import HOW_TO_GET_IT, Oclgrind, has_oclgrind
+from outlined import outline_of
 from real_setup import real_setup
 from tracers import setup_of, totals, tracer_of
 
@@ -21,6 +23,7 @@ from irtscots_cl.opencl import program, selftest
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose, kernel_files
+from irtscots_cl.scene.asphere import Asphere
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
@@ -97,14 +100,22 @@ def small_setup(terms: int) -> Scene:
     )
 
 
-# Every file of the families surface, aperture, mirror, arrival, zernike, frame, camera, lens, screen and glass
+# Every file of the families surface, aperture, outline, mirror, approach, arrival, zernike, asphere, polynomial, frame,
+# camera, lens, screen and glass
 MIRRORS = {
     "nominal": small("sphere"),
     "slight": small("sphere", zernike=(ZernikeTerms(radius_mm=540.0, ordering="noll", coefficients_um={4: 1e-5}),)),
     "power": small("sphere-deviated", 2, 4.0),
     "clenshaw, hole": small("sphere", conic=-0.5, obscuration_mm=300.0, zernike=terms(*range(4, 200, 13))),
     "off-axis": small("off-axis"),
+    "polynomials, ring": small(
+        "sphere", obscuration_mm=266.0, polynomial=freeform().mirror.polynomial, zernike=ANNULAR
+    ),
+    "even asphere": small("sphere-deviated", asphere=Asphere(coefficients_mm={4: 1e-12, 20: 1e-55})),
+    "odd asphere": small("sphere", asphere=Asphere(coefficients_mm={3: 1e-9, 4: 1e-12})),
     "flat": small("sphere", radius_mm=math.inf),
+    "polygon": small("sphere", outline=outline_of("hexagon", 1064.0)),
+    "parts": small("sphere-deviated", outline=outline_of("parts", 1064.0)),
     "real, k1 to k3": small_setup(5),
     "real, k1 to k6": small_setup(8),
 }
@@ -138,8 +149,10 @@ def test_samplers(oclgrind, width, sampler):
 
 @pytest.mark.parametrize(
     "kind, estimator, precision",
-    [("slight", "adjoint", "fp32"), ("clenshaw, hole", "lines", "fp32"), ("clenshaw, hole", "forward", "fp64"),
+    [("slight", "adjoint", "fp32"), ("polynomials, ring", "adjoint", "fp32"),
+     ("clenshaw, hole", "lines", "fp32"), ("clenshaw, hole", "forward", "fp64"),
      ("off-axis", "adjoint", "fp64"), ("off-axis", "lines", "fp64"), ("flat", "adjoint", "fp32"),
+     ("polygon", "adjoint", "fp32"), ("polygon", "lines", "fp32"), ("parts", "forward", "fp64"),
      ("real, k1 to k3", "forward", "fp32"), ("real, k1 to k6", "forward", "fp64"), ("real, k1 to k6", "lines", "fp32")],
 )  # fmt: skip
 @pytest.mark.parametrize("width", WIDTHS)
@@ -148,6 +161,13 @@ def test_mirrors_and_precisions(oclgrind, width, kind, estimator, precision):
         "forward" if estimator == "forward" else "adjoint", precision=precision, smoothing=estimator == "lines"
     )
     traced(MIRRORS[kind], oclgrind.device(width), options, "atomic")
+    assert oclgrind.complaints() == []
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_outline_of_a_mask(oclgrind, width, tmp_path):
+    scene = small("sphere", outline=outline_of("mask", 1064.0, tmp_path))
+    traced(scene, oclgrind.device(width), TraceOptions("adjoint"), "atomic")
     assert oclgrind.complaints() == []
 
 

@@ -27,11 +27,14 @@ RAYS = {
     "sphere-deviated": (2**18, 4096),
     "off-axis": (4096, 4096),
     "lopsided": (2**18, 2**14),
+    "lopsided-freeform": (2**18, 2**14),
     "real": (2**18, 2**14),
     "real-points": (2**18, 2**14),
+    "asphere": (2**13, 4096),
+    "lopsided-asphere": (2**18, 2**14),
 }
 POOL = {"off-axis": (8, 20)}  # detector and screen pixels per side of a pool; its forward hits are few
-SCENES = [*SEQUENTIAL, "lopsided", "real", "real-points"]
+SCENES = [*SEQUENTIAL, "lopsided", "real", "real-points", "asphere", "lopsided-asphere", "lopsided-freeform"]
 STATEMENTS = 4 * len(SCENES)
 CHANCE = FAILURE_CHANCE / STATEMENTS
 

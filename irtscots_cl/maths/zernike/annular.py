@@ -40,6 +40,33 @@ def annular_zernike(j: int, x: ArrayLike, y: ArrayLike, ratio: float, ordering: 
     return norm * value * (power.real if m >= 0 else power.imag)
 
 
+def annular_step(k: int, m: int, ratio: float) -> tuple[float, float, float]:
+    """(alpha, beta, gamma) of P_{k+1} = (alpha t + beta) P_k + gamma P_{k-1} for the radial part over rho^m.
+
+    P_k is 1 at the outer rim; t = 2 s - 1 there runs from -1 in the middle of the hole to 1. m at least 0.
+    """
+    centre, scale, steps, _ = _recurrence(k + 1, m, float(ratio))
+    rim = _rim_values(steps)
+    shift, square = steps[k]
+    growth = rim[k] / rim[k + 1]
+    alpha, beta = growth / (2 * scale), growth * ((0.5 - centre) / scale - shift)
+    return alpha, beta, -square * rim[k - 1] / rim[k + 1] if k else 0.0
+
+
+def annular_rim_value(n: int, m: int, ratio: float) -> float:
+    """Largest value of the annular polynomial (n, m) on the outer rim, over angles."""
+    _, _, steps, norm = _recurrence((n - abs(m)) // 2, abs(m), float(ratio))
+    return norm * _rim_values(steps)[-1]
+
+
+def _rim_values(steps: tuple[tuple[float, float], ...]) -> list[float]:
+    """Monic polynomials of a recurrence at the outer rim, t = 1."""
+    values = [1.0]
+    for k, (shift, square) in enumerate(steps):
+        values.append((1.0 - shift) * values[k] - (square * values[k - 1] if k else 0.0))
+    return values
+
+
 @lru_cache(maxsize=1024)
 def _recurrence(degree: int, m: int, ratio: float) -> tuple[float, float, tuple[tuple[float, float], ...], float]:
     """Centre and scale of t, (alpha, beta) of P_{k+1} = (t - alpha) P_k - beta P_{k-1}, and the norm.

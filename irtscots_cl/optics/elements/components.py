@@ -13,11 +13,13 @@ from irtscots_cl.optics.screen_model import screen_frame
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.scene.validation import SceneError
 
 STOP_RIM = 4.0  # radius of the camera's front plate, in detector diagonals: no light passes outside it
 FAR_MM = 1000.0  # distance from the origins of groups beyond which an element has its own origin
 PLANE = Quadric(0.0, 0.0, 0.0)
 REFRACTORS = ("refractor", "coated")  # kinds between two media
+SLIGHT_MM, SLIGHT_SLOPE = 0.01, 1e-5  # of a design's departure: no more than a mirror's usual deviations
 COPLANAR = 1e-9  # relative distance below which an element lies in the screen's plane
 
 
@@ -63,12 +65,27 @@ def components_of(scene: Scene) -> tuple[Component, ...]:
 
 def _mirror(scene: Scene) -> Component:
     surface = Surface.of(scene.mirror)
+    if surface.design:
+        _check_slight(scene, surface)
     plain = "plane" if scene.mirror.is_flat else "quadric"
     shape = "deviated" if surface.departures else plain
     frame = Frame(np.zeros(3), np.eye(3))
     return Component("mirror", "mirror", shape, frame, surface.quadric, surface.aperture_radius_mm,
                 surface.obscuration_radius_mm, reflectance=scene.mirror.reflectance,
                 scatter=scene.mirror.scatter)  # fmt: skip
+
+
+def _check_slight(scene: Scene, surface: Surface) -> None:
+    """Raise SceneError for a design that departs so far from its conic that paths may not look at the conic alone.
+
+    Which element a ray meets, and where paths lead, is found with the conic.
+    """
+    points = [departure.spread(surface.aperture_radius_mm) for departure in surface.design]
+    height, *slopes = surface.departure_at(*(np.concatenate(axis) for axis in zip(*points, strict=True)))
+    if np.abs(height).max() > SLIGHT_MM or np.abs(slopes).max() > SLIGHT_SLOPE:
+        limits = f"{SLIGHT_MM:g} mm and slopes of {SLIGHT_SLOPE:g}"
+        must = f"depart from the conic by at most {limits} in non-sequential traces, which look for elements with it"
+        raise SceneError(f"scene {scene.name}: mirror: must {must}")
 
 
 def _camera(scene: Scene) -> list[Component]:

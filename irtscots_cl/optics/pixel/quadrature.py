@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irtscots_cl.optics.pixel.edges import Edge
 from irtscots_cl.optics.pixel.ray_map import RayMap
 
 NEWTON_STEPS = 6  # for the rim's position in a pixel, where the rim is nearly straight
@@ -54,21 +55,19 @@ def whole_cells(pixel: np.ndarray, along_s: int, along_t: int) -> PixelQuadratur
     )  # fmt: skip
 
 
-def cut_cells(
-    maps: RayMap, pixel: np.ndarray, radius_mm: float, along: tuple[int, int], across: tuple
-) -> PixelQuadrature:
-    """Cells of the parts of pixels [k] whose mirror points lie within radius_mm of the axis.
+def cut_cells(maps: RayMap, pixel: np.ndarray, edge: Edge, along: tuple[int, int], across: tuple) -> PixelQuadrature:
+    """Cells of the parts of pixels [k] whose mirror points lie within an edge, the rim's circle or a straight side.
 
     Such a cell is an interval along s or t, whichever the rim crosses more steeply, at a Gauss point of the other.
     along: number of intervals from side to rim, along s and along t. across: number of Gauss points, along s and t.
     """
     zero = np.zeros(len(pixel))
     chosen = maps.part(pixel)
-    steep_s = np.abs(_slope(chosen, "s", zero, zero)) >= np.abs(_slope(chosen, "t", zero, zero))
+    steep_s = np.abs(edge.growth(chosen, "s", zero, zero)) >= np.abs(edge.growth(chosen, "t", zero, zero))
     parts = []
     for k, mask in enumerate((steep_s, ~steep_s)):
         if mask.any():
-            parts.append(_cut_along(chosen.part(mask), pixel[mask], "st"[k], radius_mm, along[k], across[1 - k]))
+            parts.append(_cut_along(chosen.part(mask), pixel[mask], "st"[k], edge, along[k], across[1 - k]))
     return join(parts or [whole_cells(pixel, 1, 1)])
 
 
@@ -86,27 +85,15 @@ def without(outer: PixelQuadrature, hole: PixelQuadrature) -> PixelQuadrature:
     )
 
 
-def _radius2(maps: RayMap, s, t) -> np.ndarray:
-    return maps.centre("x", s, t) ** 2 + maps.centre("y", s, t) ** 2
-
-
-def _slope(maps: RayMap, along: str, s, t) -> np.ndarray:
-    """Derivative of the mirror point's squared distance from the axis."""
-    parts = (maps.centre(axis, s, t) * maps.gradient(axis, along, s, t) for axis in "xy")
-    return 2 * sum(parts)
-
-
-def _cut_along(
-    maps: RayMap, pixel: np.ndarray, along: str, radius_mm: float, inner: int, outer: int
-) -> PixelQuadrature:
+def _cut_along(maps: RayMap, pixel: np.ndarray, along: str, edge: Edge, inner: int, outer: int) -> PixelQuadrature:
     """cut_cells where the rim is crossed along one direction, "s" or "t", by all these pixels [k]."""
 
     def at(inward, across):  # (s, t) of positions measured from the pixel's inner side
         return (side * inward, across) if along == "s" else (across, side * inward)
 
     zero = np.zeros(len(pixel))
-    side = np.sign(_slope(maps, along, zero, zero))  # inward is small on the mirror's side of the rim
-    breaks = _breaks(lambda inward, across: _radius2(maps, *at(inward, across)) - radius_mm**2, len(pixel))
+    side = np.sign(edge.growth(maps, along, zero, zero))  # inward is small on the mirror's side of the rim
+    breaks = _breaks(lambda inward, across: edge.excess(maps, *at(inward, across)), len(pixel))
     point, weight = np.polynomial.legendre.leggauss(outer)
     start, length = breaks[:, :-1, None], np.diff(breaks, axis=1)[..., None]
     across = (start + length * (point + 1) / 2).reshape(len(pixel), -1)
@@ -115,15 +102,11 @@ def _cut_along(
     end = np.zeros_like(across)
     for _ in range(NEWTON_STEPS):
         s, t = at(end, across)
-        slope = side * _slope(maps, along, s, t)
-        end = np.clip(end - (_radius2(maps, s, t) - radius_mm**2) / slope, -1.0, 1.0)
+        slope = side * edge.growth(maps, along, s, t)
+        end = np.clip(end - edge.excess(maps, s, t) / slope, -1.0, 1.0)
     s, t = at(end, across)
     on_rim = np.abs(end) < 1.0
-    pushed = [
-        -2 * sum(maps.centre(axis, s, t) * maps.gradient(axis, name, s, t) for axis in "xy")
-        / (side * _slope(maps, along, s, t))
-        for name in "ab"
-    ]  # fmt: skip
+    pushed = [-edge.growth(maps, name, s, t) / (side * edge.growth(maps, along, s, t)) for name in "ab"]
     # the inner intervals from -1 to the end, and the rim itself as cells without area
     half = ((end + 1) / 2 / inner)[..., None]
     centre = -1 + half * (2 * np.arange(inner) + 1)
@@ -144,7 +127,7 @@ def _cut_along(
 def _breaks(excess, count: int) -> np.ndarray:
     """Where the rim leaves pixels through their inner and outer sides: [count, 6], increasing from -1 to 1.
 
-    excess(inward, across): squared distance beyond the rim; nearly quadratic along a side. A side without a crossing
+    excess(inward, across): of the edge; nearly quadratic along a side. A side without a crossing
     repeats an end, which gives pieces of zero length.
     """
     found = [np.full(count, -1.0), np.full(count, 1.0)]

@@ -9,13 +9,19 @@ over the pixel's own area is a sum over cells (quadrature.py).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.pixel.chord import MIN_HALF_BOX, Chord, chord_integrals
+from irtscots_cl.optics.pixel.edges import Circle
 from irtscots_cl.optics.pixel.quadrature import PixelQuadrature, cut_cells, join, whole_cells, without
 from irtscots_cl.optics.pixel.ray_map import RayMap
+
+if TYPE_CHECKING:
+    from irtscots_cl.optics.pixel.crossed import Crossed
 
 MAX_RESIDUAL = 2e-3  # of the aperture image's radius: largest residual of a map's fit
 MAX_BEND = 0.02  # of the same radius: beyond it the first order in Q is wrong by more than 4e-4
@@ -60,15 +66,37 @@ class PixelResponse:
         count = [int(np.clip(np.ceil(b / CELL_SIZE), 1, 16)) for b in box]
         points = [int(np.clip(np.ceil(b / POINT_STEP), 8, 64)) for b in box]
 
+        if surface.outline is not None:
+            return self._cut_by_outline(count, points)
         farthest = maps.corner_radius.max(1)
         in_hole = farthest <= surface.obscuration_radius_mm
         rim, hole = (self._crossed(radius) for radius in (surface.aperture_radius_mm, surface.obscuration_radius_mm))
         whole = (farthest <= surface.aperture_radius_mm) & ~in_hole
         cells = join([
             whole_cells(np.flatnonzero(whole), *count),
-            cut_cells(maps, np.flatnonzero(rim & ~in_hole), surface.aperture_radius_mm, count, points),
+            cut_cells(maps, np.flatnonzero(rim & ~in_hole), Circle(surface.aperture_radius_mm), count, points),
         ])  # fmt: skip
-        return without(cells, cut_cells(maps, np.flatnonzero(hole), surface.obscuration_radius_mm, count, points))
+        return without(
+            cells, cut_cells(maps, np.flatnonzero(hole), Circle(surface.obscuration_radius_mm), count, points)
+        )
+
+    @cached_property
+    def _crossed_edges(self) -> Crossed:
+        """The edges that cross the pixels, of a mirror with an outline."""
+        from irtscots_cl.optics.pixel.crossed import Crossed  # imported late: few mirrors are no disks
+
+        return Crossed.of(self.chief.surface, self.maps)
+
+    def _cut_by_outline(self, count: list[int], points: list[int]) -> PixelQuadrature:
+        """Cells of a mirror with an outline; none of the pixels in which several edges lie."""
+        crossed, maps = self._crossed_edges, self.maps
+        around = [(edge, pixels) for edge, hole, pixels in crossed.edges if hole]
+        whole = [np.flatnonzero(crossed.whole), *(pixels for _, pixels in around)]
+        inside = [cut_cells(maps, pixels, edge, count, points) for edge, hole, pixels in crossed.edges if not hole]
+        cells = join([whole_cells(np.concatenate(whole), *count), *inside])
+        for edge, pixels in around:
+            cells = without(cells, cut_cells(maps, pixels, edge, count, points))
+        return cells
 
     def _crossed(self, radius_mm: float) -> np.ndarray:
         """Pixels [n] that the circle of the rim or the hole may cross; none for a hole of zero size."""
@@ -122,9 +150,15 @@ class PixelResponse:
         surface = self.chief.surface
         with np.errstate(invalid="ignore", divide="ignore"):
             sharp = push <= MAX_PUSH * footprint
-            small, quadratic, straight = (np.ones_like(sharp) for _ in range(3))
-            for radius_mm in (surface.aperture_radius_mm, surface.obscuration_radius_mm):
-                small &= ~self._crossed(radius_mm) | (self._diagonal() <= MAX_DIAGONAL * radius_mm)
+            small, alone, quadratic, straight = (np.ones_like(sharp) for _ in range(4))
+            if surface.outline is None:
+                for radius_mm in (surface.aperture_radius_mm, surface.obscuration_radius_mm):
+                    small &= ~self._crossed(radius_mm) | (self._diagonal() <= MAX_DIAGONAL * radius_mm)
+            else:
+                alone = ~self._crossed_edges.unclear
+                for edge, _, pixels in self._crossed_edges.edges:
+                    if isinstance(edge, Circle):
+                        small[pixels] &= self._diagonal()[pixels] <= MAX_DIAGONAL * edge.radius_mm
             for k, output in enumerate("uv"):
                 radius = self.spread(output, ("a", "b"))
                 bend = np.abs([maps.term(output, m) for m in ("aa", "ab", "bb")]).max(0)
@@ -134,6 +168,7 @@ class PixelResponse:
         return {
             f"the camera's defocus on the mirror, a blur of {blur:.2g} of a pixel where {MAX_PUSH} is allowed": sharp,
             "the size of a pixel on the mirror, larger than the rim or the hole that crosses it": small,
+            "the mirror's outline, of which more than one edge lies in a pixel": alone,
             f"the light of a pixel on the screen, whose map is not quadratic to {MAX_RESIDUAL} of its size": quadratic,
             f"the light of a pixel on the screen, bent by more than {MAX_BEND} of its size": straight,
         }
@@ -201,6 +236,8 @@ class PixelResponse:
         """Share [n] of each pixel's footprint that lies on the mirror."""
         cells = self.cells("u")
         share = cells.sum(cells.weight, len(self.pixels))
+        if self.chief.surface.outline is not None:  # pixels without cells are told of by rays
+            share = np.where(self._crossed_edges.unclear, self.chief.footprint.coverage.flat[self.pixels], share)
         return np.where(share > ROUNDING, share, 0.0)
 
     def light(self, output: str, edges_mm: np.ndarray) -> np.ndarray:

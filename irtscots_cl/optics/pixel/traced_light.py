@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 
 from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.optics.surface import Surface
 from irtscots_cl.system.memory import check_memory
 
 DEGREE = 4
@@ -152,22 +153,12 @@ class TracedLight:
         values = _traced(self.chief, row, column)
         seen = np.isfinite(values).all((0, 1))
         values = np.where(seen, values, 0.0)
-        radius = np.hypot(values[:, 2], values[:, 3])
-        surface = self.chief.surface
-        margin = 0.1 * np.ptp(radius, axis=0)
-        with np.errstate(invalid="ignore"):
-            whole = radius.max(0) + margin <= surface.aperture_radius_mm
-            whole &= (surface.obscuration_radius_mm == 0) | (radius.min(0) - margin >= surface.obscuration_radius_mm)
-            # beside the mirror altogether, or wholly in the hole: no light
-            dark = radius.min(0) - margin > surface.aperture_radius_mm
-            dark |= radius.max(0) + margin < surface.obscuration_radius_mm
+        whole, dark, near = _parted(self.chief.surface, values)
         coefficient = np.tensordot(_FIT, values, 1)  # [terms, outputs, n]
         counts = np.ones(values[:, 0].shape)
         edge = np.flatnonzero(seen & ~whole & ~dark)
         if edge.size:
             # beside the mirror its polynomials may grow fast: only rays on it, and a little beside it, count
-            near = radius <= surface.aperture_radius_mm + margin / 2
-            near &= radius >= surface.obscuration_radius_mm - margin / 2
             counts[:, edge] = near[:, edge]
             coefficient[:, :2, edge] = _weighted_fit(values[:, :2, edge], counts[:, edge])
         left = (values[:, :2] - np.tensordot(_AT_POINTS, coefficient[:, :2], 1)) * counts[:, None]
@@ -282,6 +273,13 @@ class TracedLight:
         """
         surface, radius, cell = self.chief.surface, np.hypot(x, y), 2 / CUT_CELLS
         terms = [_linear(axis) for axis in range(2)]
+        if surface.outline is not None:
+            depth, toward_x, toward_y = surface.depth(x, y)
+            grows = [np.nan_to_num(toward_x * coefficient[k, 2] + toward_y * coefficient[k, 3]) for k in terms]
+            size = np.maximum(sum(np.abs(grow) for grow in grows) * cell, 1e-12)
+            inside = np.clip(depth / size + 0.5, 0.0, 1.0)
+            shifts = [(1 - inside) / 2 * cell * grow * cell / size for grow in grows]
+            return inside, lambda values: [(shift, values[k]) for shift, k in zip(shifts, terms, strict=True)]
         with np.errstate(invalid="ignore", divide="ignore"):
             grows = [np.nan_to_num((x * coefficient[k, 2] + y * coefficient[k, 3]) / radius) for k in terms]
         size = np.maximum(sum(np.abs(grow) for grow in grows) * cell, 1e-12)
@@ -318,6 +316,27 @@ class TracedLight:
         total, moment = (np.cumsum(v.reshape(count, NODES + 1), 1) for v in (total, moment))
         self.below[k, index] = np.arange(NODES + 1) * total - moment
         self.low[k, index], self.width[k, index] = low, width
+
+
+def _parted(surface: Surface, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which pixels [n] lie wholly on the mirror, which send no light, and which of their rays [FIT_RAYS, n] are on it
+    or a little beside it. values: [FIT_RAYS, 4, n], as of _traced."""
+    x, y = values[:, 2], values[:, 3]
+    with np.errstate(invalid="ignore"):
+        if surface.outline is not None:
+            margin = 0.1 * np.hypot(np.ptp(x, axis=0), np.ptp(y, axis=0))
+            depth = surface.depth(x, y)[0]
+            return depth.min(0) >= margin, depth.max(0) < -margin, depth >= -margin / 2
+        radius = np.hypot(x, y)
+        margin = 0.1 * np.ptp(radius, axis=0)
+        whole = radius.max(0) + margin <= surface.aperture_radius_mm
+        whole &= (surface.obscuration_radius_mm == 0) | (radius.min(0) - margin >= surface.obscuration_radius_mm)
+        # beside the mirror altogether, or wholly in the hole: no light
+        dark = radius.min(0) - margin > surface.aperture_radius_mm
+        dark |= radius.max(0) + margin < surface.obscuration_radius_mm
+        near = radius <= surface.aperture_radius_mm + margin / 2
+        near &= radius >= surface.obscuration_radius_mm - margin / 2
+    return whole, dark, near
 
 
 def _weighted_fit(values: np.ndarray, weight: np.ndarray) -> np.ndarray:

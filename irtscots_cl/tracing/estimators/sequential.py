@@ -23,7 +23,7 @@ from irtscots_cl.optics.screen_windows import Windows
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.presets import parse_scene
 from irtscots_cl.system.memory import check_memory
-from irtscots_cl.tracing.options import TraceOptions, check_sequential
+from irtscots_cl.tracing.options import TraceOptions, check_traceable
 from irtscots_cl.tracing.packing.launch import launch_structure
 from irtscots_cl.tracing.packing.scene import Packed, pack
 from irtscots_cl.tracing.packing.sources import emitters, line_receivers, receivers, relative_flux
@@ -115,7 +115,7 @@ class SequentialTask:
     first_launch_rays = FIRST_LAUNCH_RAYS
 
     def __post_init__(self) -> None:
-        check_sequential(self.setup.scene, self.options.estimator)
+        check_traceable(self.setup.scene, self.options)
 
     def __reduce__(self):
         return type(self).from_json, (self.to_json(),)

@@ -6,11 +6,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from irtscots_cl.maths.xy_polynomials import ChebyshevSeries, sum_of
 from irtscots_cl.maths.zernike.series import PowerRows, RadialSeries, power_rows
-from irtscots_cl.opencl.structs import zernike_clenshaw_dtype, zernike_power_dtype, zernike_term_dtype
+from irtscots_cl.opencl.structs import (
+    polynomial_dtype,
+    zernike_clenshaw_dtype,
+    zernike_power_dtype,
+    zernike_term_dtype,
+)
+from irtscots_cl.optics.aim import screen_corners
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.departure import ZernikeDeparture
+from irtscots_cl.optics.polynomial import PolynomialDeparture
 from irtscots_cl.optics.surface import Surface
+from irtscots_cl.scene.validation import SceneError
 
 MAX_POWER_LOSS = 100.0  # sums of powers that lose more than two digits leave the deviation to Clenshaw's recurrence
 MAX_NEWTON_STEPS = 8  # more than any departure needs that is still a mirror's
@@ -44,11 +53,35 @@ class PackedDepartures:
 
 def pack_departures(surface: Surface, real) -> PackedDepartures:
     """The departures of a surface that has some."""
-    packed = PackedDepartures({"zernike": "none"})
-    for departure in surface.departures:  # at most one of each kind
+    packed = PackedDepartures({"zernike": "none", "asphere": "none", "polynomial": "none", "approach": "slight"})
+    departures = surface.departures
+    if surface.design:
+        from irtscots_cl.tracing.packing import asphere  # imported late: few designs depart from their conics
+
+        packed.choices["approach"] = "exact"
+        departures = asphere.for_device(surface, real)
+        for departure in departures:
+            if isinstance(departure, asphere.AsphereDeparture):
+                packed.add(*asphere.pack_asphere(departure, real))
+    for departure in departures:  # at most one of each kind but of polynomials
         if isinstance(departure, ZernikeDeparture):
             packed.add(*_zernike(departure, real))
+    polynomials = [departure.series for departure in surface.departures if isinstance(departure, PolynomialDeparture)]
+    if polynomials:
+        packed.add(*polynomial_parts(sum_of(polynomials), real))
     return packed
+
+
+def polynomial_parts(series: ChebyshevSeries, real):
+    """Choices, structures, constants and values for kernels/mirror/polynomial_chebyshev.cl."""
+    rows, columns = series.coefficient.shape
+    out = np.zeros((), polynomial_dtype(real, rows, columns))
+    out["coefficient"] = series.coefficient
+    for axis, centre_mm, half_mm in zip("xy", series.centre_mm, series.half_size_mm, strict=True):
+        out[f"centre_{axis}"], out[f"inverse_half_{axis}"] = centre_mm, 1 / half_mm
+    count = tuple(int(np.flatnonzero(row).max(initial=-1)) + 1 for row in series.coefficient)
+    structs, constants = {"Polynomial": out.dtype}, {"polynomial_count": count}
+    return {"polynomial": "chebyshev"}, structs, constants, {"polynomial": out}
 
 
 def _zernike(departure: ZernikeDeparture, real):
@@ -91,7 +124,7 @@ def is_slight(surface: Surface, precision: str) -> bool:
     return max(np.abs(slope).max() for slope in surface.departure_at(*_spread(surface))[1:]) < SLIGHT_SLOPE
 
 
-def newton_steps(chief: ChiefRays, slope: float) -> int:
+def newton_steps(chief: ChiefRays, slope: float, real=np.float64) -> int:
     """Steps from the quadric to the surface that leave at most that slope error [rad], found by trial.
 
     The kernel takes the departures' slopes before its last move, so k steps have the slopes of k - 1 moves.
@@ -100,9 +133,19 @@ def newton_steps(chief: ChiefRays, slope: float) -> int:
     x, y = _spread(surface)
     points = np.stack([x, y, surface.quadric.meet(x, y, 0.0, 0.0)], -1)
     left = np.zeros(MAX_NEWTON_STEPS - 1)
-    for frame in (chief.camera_frame, chief.screen_frame):
-        met = [surface.meet(points, points - frame.position_mm, moves)[0] for moves in range(MAX_NEWTON_STEPS)]
+    places = [chief.camera_frame.position_mm, chief.screen_frame.position_mm]
+    start = None
+    if surface.design:  # large departures: the most oblique light needs the most steps
+        from irtscots_cl.tracing.packing.asphere import guess  # imported late: few designs have departures
+
+        places.extend(screen_corners(chief))
+        start = guess(surface, real)
+    for place in places:
+        met = [surface.meet(points, points - place, moves, start)[0] for moves in range(MAX_NEWTON_STEPS)]
         slopes = [np.stack(surface.departure_at(at[:, 0], at[:, 1])[1:]) for at in met]
         left = np.maximum(left, [np.nanmax(np.abs(found - slopes[-1])) for found in slopes[:-1]])
     enough = np.flatnonzero(left <= slope)
+    if surface.design and not len(enough):
+        must = f"lie near enough to its conic for rays to reach it in {MAX_NEWTON_STEPS} steps from there"
+        raise SceneError(f"scene {chief.scene.name}: mirror: must {must}")
     return int(enough[0]) + 1 if len(enough) else MAX_NEWTON_STEPS

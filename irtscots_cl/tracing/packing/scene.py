@@ -66,20 +66,28 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
     }
     departures = pack_departures(surface, real) if deviated else PackedDepartures()
     structs |= departures.structs
-    choices = dict(departures.choices)
+    choices = dict(departures.choices) | {"outline": "none"}
+    tables, values = np.asarray(departures.tables, real), dict(departures.values)
+    if surface.outline is not None:
+        from irtscots_cl.tracing.packing.outline import pack_outline  # imported late: few mirrors are no disks
+
+        outline = pack_outline(surface.outline, real, len(tables))
+        structs |= outline.structs
+        choices["outline"], values["outline"] = outline.choice, outline.value
+        tables = np.concatenate([tables, np.asarray(outline.tables, real)])
     glass = chief.screen_model.glass
-    parts = {name: value.dtype for name, value in departures.values.items()}
+    parts = {name: value.dtype for name, value in values.items()}
     parts |= {"lens": structs["Lens"]} if distorted else {}
     structs["Scene"] = scene_dtype(real, mirror, parts, glass is not None)
     scene = np.zeros(1, structs["Scene"])
     _fill_mirror(scene["mirror"][0:1], surface)
     if deviated:
-        scene["mirror"]["newton_steps"] = newton_steps(chief, NEWTON_SLOPE[precision])
-        scene["mirror"]["departure_radius2"] = 1.04 * surface.departure_radius_mm**2
+        scene["mirror"]["newton_steps"] = newton_steps(chief, NEWTON_SLOPE[precision], real)
+        scene["mirror"]["departure_radius2"] = _departure_radius2(chief)
     _fill_frame(scene["screen"], chief.screen_frame)
     _fill_frame(scene["camera"], chief.camera_frame)
     _fill_devices(scene, chief)
-    for name, value in departures.values.items():
+    for name, value in values.items():
         scene[name] = value
     if distorted:
         _fill_lens(scene["lens"], chief)
@@ -96,7 +104,17 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
         "screen": "bent" if bent else "flat",
         "glass": "none" if glass is None else "plate",
     }
-    return Packed(choices, structs, departures.constants, scene, np.asarray(departures.tables, real))
+    return Packed(choices, structs, departures.constants, scene, tables)
+
+
+def _departure_radius2(chief: ChiefRays) -> float:
+    """Square of the radius beyond which no line that meets the quadric meets the mirror."""
+    beside = 1.04 * chief.surface.departure_radius_mm**2
+    if not chief.surface.design:
+        return beside
+    from irtscots_cl.tracing.packing.asphere import quadric_radius_mm  # imported late: few designs have departures
+
+    return max(beside, quadric_radius_mm(chief) ** 2)
 
 
 def _surface_file(mirror) -> str:
