@@ -11,12 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import SEQUENTIAL
 from tracers import totals, tracer_of
 
 from irtscots_cl import cli
 from irtscots_cl.bench import figures, scaling, suite, tables, throughput
 from irtscots_cl.opencl.structs import Fate
-from irtscots_cl.scene.presets import load_scene, sequential_presets
+from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.system.atomic_files import plain
 from irtscots_cl.tracing.options import ESTIMATORS, TraceOptions
 from irtscots_cl.tracing.samplers import SAMPLERS
@@ -45,7 +46,7 @@ def test_all_combinations_of_scene_estimator_sampler_and_precision(device):
     cases = throughput.default_cases(device, quick=False)
     found = {(c.scene.name, c.estimator, c.sampler, c.precision) for c in cases if c.group in SCENE_GROUPS}
     precisions = ("fp32", "fp64") if device.has_fp64 else ("fp32",)
-    assert found == set(itertools.product(sequential_presets(), ESTIMATORS, SAMPLERS, precisions))
+    assert found == set(itertools.product(SEQUENTIAL, ESTIMATORS, SAMPLERS, precisions))
 
 
 SCENE_GROUPS = ("scenes and samplers", "double precision")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from lopsided import lopsided
 from oracle import tracer
-from scenes import scene_of
+from scenes import SEQUENTIAL, scene_of
 
 from irtscots_cl.optics.chief_rays import SUBPIXELS, ChiefRays, check_visible
 from irtscots_cl.scene.mirror import ZernikeTerms
-from irtscots_cl.scene.presets import load_scene, sequential_presets
+from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.validation import SceneError
 
 
@@ -29,7 +29,7 @@ def tilted(scene, **noll_um):
 # --- axes and signs ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [*sequential_presets(), "lopsided"])
+@pytest.mark.parametrize("name", [*SEQUENTIAL, "lopsided"])
 def test_columns_grow_with_the_mirrors_x_and_rows_with_its_y(name):
     chief = ChiefRays(scene_of(name))
     rows, columns = chief.shape
@@ -202,7 +202,7 @@ def test_a_small_hole_is_not_overlooked():
 # --- where the light lands ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [*sequential_presets(), "lopsided"])
+@pytest.mark.parametrize("name", [*SEQUENTIAL, "lopsided"])
 def test_sees_mirror_and_landing_range_hold_for_all_rays(name):
     scene = scene_of(name)
     chief = ChiefRays(scene)
@@ -249,6 +249,6 @@ def test_a_screen_beside_the_light_is_refused_with_the_way_to_it():
     assert (x, y) == pytest.approx((30.0, -12.0), abs=0.3)  # the spot's own centre lies 0.1 mm off
 
 
-@pytest.mark.parametrize("name", [*sequential_presets(), "lopsided"])
+@pytest.mark.parametrize("name", [*SEQUENTIAL, "lopsided"])
 def test_visible_scenes_pass(name):
     check_visible(ChiefRays(scene_of(name)), name)

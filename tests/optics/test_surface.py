@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from device_kernels import SmallKernel, kernel_text
 from lopsided import lopsided
-from scenes import CURVATURES, with_part
+from scenes import CURVATURES, SEQUENTIAL, with_part
 from scenes import scene_of as preset_or_lopsided
 
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
-from irtscots_cl.scene.presets import load_scene, sequential_presets
+from irtscots_cl.scene.presets import load_scene
 
-SCENES = [*sequential_presets(), "lopsided", "conic", "mapped", *CURVATURES]
+SCENES = [*SEQUENTIAL, "lopsided", "conic", "mapped", *CURVATURES]
 
 
 def scene_of(name):

@@ -16,7 +16,8 @@ from irtscots_cl.scene.presets import load_scene, preset_names, preset_text
 from irtscots_cl.scene.validation import SceneError
 
 NAMES = [
-    "baffled", "ghosts", "off-axis", "sphere", "sphere-deviated", "sphere-doublet", "sphere-singlet", "sphere-window",
+    "baffled", "elt-segment", "fsm-on-axis", "ghosts", "gmt-segment", "jwst-segment", "lbt-secondary", "newtonian",
+    "off-axis", "sphere", "sphere-deviated", "sphere-doublet", "sphere-singlet", "sphere-window", "vista-secondary",
 ]  # fmt: skip
 KNOWN = f"allowed: {', '.join(NAMES)}, or a path that ends in .toml"
 

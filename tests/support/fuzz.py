@@ -12,6 +12,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from scenes import PUBLISHED
 
 from irtscots_cl.scene.presets import preset_names, preset_text
 
@@ -45,7 +46,7 @@ LINES = [
 @cache
 def seeds() -> list[str]:
     """The presets' texts without comments, on small grids: what is slow is no more likely to fail."""
-    texts = [re.sub(r" *#.*", "", preset_text(name)) for name in preset_names()]
+    texts = [re.sub(r" *#.*", "", preset_text(name)) for name in preset_names() if name not in PUBLISHED]
     screen = r"(?s)(\[screen\].*?pixels = )\[.*?\](\npitch_mm = )[0-9.]+"
     detector = r"pixels = \[125, 125\](\npitch_mm = )[0-9.]+"
     return [re.sub(detector, r"pixels = [9, 8]\g<1>0.514", re.sub(screen, r"\1[6, 5]\g<2>0.8", t)) for t in texts]

@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 from lopsided import lopsided
+from scenes import SEQUENTIAL, with_part
 from scenes import scene_of as any_scene
-from scenes import with_part
 from significance import sidak_z
 from synthetic import small_scene
 from tracers import setup_of
@@ -17,7 +17,7 @@ from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.opencl.structs import Fate
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.pixel.ray_map import RAYS
-from irtscots_cl.scene.presets import load_scene, sequential_presets
+from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.tracing.estimators.analytic import window_edges_mm
 from irtscots_cl.tracing.results.transport import LineLight
@@ -26,7 +26,7 @@ from irtscots_cl.tracing.trace import trace
 FAILURE_CHANCE = 1e-6  # of all statistical statements of this file together
 REAL_SET_UPS = ("narrow-real", "narrow-points")  # distorted, bent, under glass, with a small aperture as narrow()
 OTHERS = (*REAL_SET_UPS, "narrow-asphere", "freeform")
-STATEMENTS = 2 * 2 * (len(sequential_presets()) + len(OTHERS)) * 2  # scenes, kinds of rays, axes, tests
+STATEMENTS = 2 * 2 * (len(SEQUENTIAL) + len(OTHERS)) * 2  # scenes, kinds of rays, axes, tests
 CHANCE = FAILURE_CHANCE / STATEMENTS
 BIAS = 1e-5  # of a light curve's peak: what the closed form may differ by
 SMOOTHED, PLAIN = (True, 2**15), (False, 2**16)  # smoothing, rays per pixel: 3e8 and 6e8 rays in all
@@ -106,7 +106,7 @@ def mean_of(labels, difference, variance, least):
     ("name", "smoothing", "rays"),
     [
         ("sphere-deviated", *PLAIN),
-        *((name, *SMOOTHED) for name in (*sequential_presets(), "narrow-asphere", "freeform")),
+        *((name, *SMOOTHED) for name in (*SEQUENTIAL, "narrow-asphere", "freeform")),
         *((name, *REAL_SMOOTHED) for name in REAL_SET_UPS),
     ],
 )
@@ -123,7 +123,7 @@ def test_light_curves_are_those_of_many_rays(device, name, smoothing, rays):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sequential_presets())
+@pytest.mark.parametrize("name", SEQUENTIAL)
 def test_light_curves_are_those_of_many_rays_everywhere_on_the_detector(device, name):
     """In tiles of 20 x 20 pixels, and over all single samples together: unbiased estimates of the bias squared."""
     if not device.has_fp64:
@@ -185,7 +185,7 @@ def test_radiance_reflectance_and_transmittance_scale_the_flux():
             np.testing.assert_allclose(scaled.flux_w[axis], factor * plain.flux_w[axis], rtol=1e-14)  # rounding
 
 
-@pytest.mark.parametrize("name", [*sequential_presets(), "narrow"])
+@pytest.mark.parametrize("name", [*SEQUENTIAL, "narrow"])
 def test_both_scans_get_all_of_a_pixel_s_light(name):
     run = analytic(name)
     x, y = (run.line_flux_w(axis)[0].sum(1) for axis in "xy")
@@ -207,7 +207,7 @@ def test_windows_edges_are_those_of_the_lines(name):
 # --- bookkeeping -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [*sequential_presets(), "narrow"])
+@pytest.mark.parametrize("name", [*SEQUENTIAL, "narrow"])
 def test_the_ledger_adds_up(name):
     run = analytic(name)
     ledger = dict(run.ledger)

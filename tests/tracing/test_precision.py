@@ -7,14 +7,14 @@ import warnings
 
 import numpy as np
 import pytest
-from scenes import coarse, large_segment
+from scenes import SEQUENTIAL, coarse, large_segment
 
 from irtscots_cl.analysis.error_terms import rounding_height_nm
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.measurement.reconstruction import reconstruct
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.mirror import Mirror
-from irtscots_cl.scene.presets import load_scene, sequential_presets
+from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.checks import precision as module
 from irtscots_cl.tracing.checks.precision import (
     SMALL_NM,
@@ -29,7 +29,7 @@ from irtscots_cl.tracing.options import TraceOptions
 from irtscots_cl.tracing.trace import trace
 
 
-@pytest.mark.parametrize("name", sequential_presets())
+@pytest.mark.parametrize("name", SEQUENTIAL)
 def test_presets_lose_little_in_single_precision(name, device):
     setup = Setup(load_scene(name))
     found = rounding_error(setup, device, "fp32")
@@ -112,7 +112,7 @@ def test_a_trace_warns_where_it_loses_height(device):
 
 def test_a_trace_looks_at_no_ray_where_lengths_exclude_a_loss(device, monkeypatch):
     monkeypatch.setattr(module, "PathProbe", None)
-    for name in sequential_presets():
+    for name in SEQUENTIAL:
         assert rounding_scale_nm(Setup(load_scene(name))) < SUSPECT_NM
     trace(coarse("sphere", 9), device=device, rays_per_pixel=8)
 

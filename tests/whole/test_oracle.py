@@ -7,12 +7,12 @@ import pytest
 from lopsided import lopsided
 from oracle import tracer
 from oracle_rays import adjoint_rays, forward_rays
-from scenes import CURVATURES, with_part
+from scenes import CURVATURES, SEQUENTIAL, with_part
 from scenes import scene_of as scene_by_name
 
-from irtscots_cl.scene.presets import load_scene, sequential_presets
+from irtscots_cl.scene.presets import load_scene
 
-SCENES = [*sequential_presets(), "lopsided", *CURVATURES]
+SCENES = [*SEQUENTIAL, "lopsided", *CURVATURES]
 
 
 def scene_of(name):

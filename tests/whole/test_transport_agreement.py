@@ -13,12 +13,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scenes import scene_of
+from scenes import SEQUENTIAL, scene_of
 from scipy import stats
 from significance import poisson_ratio_p, sidak_p, sidak_z
 
 from irtscots_cl.opencl.structs import WEIGHT_ONE
-from irtscots_cl.scene.presets import sequential_presets
 from irtscots_cl.tracing.trace import trace
 
 FAILURE_CHANCE = 1e-6
@@ -35,7 +34,7 @@ RAYS = {
     "lopsided-asphere": (2**18, 2**14),
 }
 POOL = {"off-axis": (8, 20)}  # detector and screen pixels per side of a pool; its forward hits are few
-SCENES = [*sequential_presets(), "lopsided", "real", "real-points", "asphere", "lopsided-asphere", "lopsided-freeform"]
+SCENES = [*SEQUENTIAL, "lopsided", "real", "real-points", "asphere", "lopsided-asphere", "lopsided-freeform"]
 STATEMENTS = 4 * len(SCENES)
 CHANCE = FAILURE_CHANCE / STATEMENTS
 
