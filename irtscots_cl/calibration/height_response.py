@@ -20,6 +20,7 @@ from irtscots_cl.optics.setup import Setup
 
 LEFT_AFTER = ("piston_tilt", "piston_tilt_power", "piston_tilt_power_astigmatism", "piston_tilt_power_astigmatism_coma")
 _TERMS = (3, 4, 6, 8)  # of low_order_basis, that each of them removes
+AT_ONCE = 32  # maps, to limit memory
 MOST_ROUNDS, SETTLED = 40, 1e-5  # of the feedback; relative change of a map's rms
 
 
@@ -71,7 +72,15 @@ class HeightResponse:
 
     def left(self, heights: FloatArray) -> FloatArray:
         """Rms [maps, 4] of heights [maps, n] with the terms of LEFT_AFTER removed by least squares, in their unit."""
-        return np.stack([np.sqrt(np.mean(self.without(heights, terms) ** 2, axis=-1)) for terms in LEFT_AFTER], -1)
+        found = np.empty((len(heights), len(LEFT_AFTER)))
+        for first in range(0, len(heights), AT_ONCE):
+            part = slice(first, first + AT_ONCE)
+            rest = self.without(heights[part], LEFT_AFTER[0])
+            for level, stop in enumerate(_TERMS):
+                columns = self.basis[:, _TERMS[level - 1] : stop] if level else self.basis[:, :stop]
+                rest -= (rest @ columns) @ columns.T  # of the first level once more: large tilts leave rounding
+                found[part, level] = np.sqrt(np.einsum("mn,mn->m", rest, rest) / rest.shape[1])
+        return found
 
     def without(self, heights: FloatArray, terms: str) -> FloatArray:
         """Heights [..., n] without the terms that one of LEFT_AFTER names."""

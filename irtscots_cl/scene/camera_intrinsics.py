@@ -121,11 +121,25 @@ def _fold(intrinsics: Intrinsics, pixels: tuple[int, int], pitch_mm: float, imag
     focal = [f or image_distance_mm / pitch_mm * b
              for f, b in zip((intrinsics.fx, intrinsics.fy), intrinsics.binning, strict=True)]  # fmt: skip
     middle = intrinsics.principal_point_px or ((size[0] - 1) / 2, (size[1] - 1) / 2)
-    for column, row in _edge(intrinsics, pixels):
-        goal = ((column - middle[0]) / focal[0], (row - middle[1]) / focal[1])
+    goals = {(column, row): ((column - middle[0]) / focal[0], (row - middle[1]) / focal[1])
+             for column, row in _edge(intrinsics, pixels)}  # fmt: skip
+    if _is_slight(2 * max(math.hypot(*goal) for goal in goals.values()), coefficients):
+        return None
+    for (column, row), goal in goals.items():
         if (radius := _fold_towards(goal, coefficients)) is not None:
             return Fold(radius, column, row)
     return None
+
+
+def _is_slight(radius: float, coefficients: lens_distortion.Coefficients) -> bool:
+    """Whether a distortion changes distances by less than half everywhere within a radius, by a bound on its matrix.
+
+    Then it is one-to-one there, its determinant is above 1/4, and what it puts within half the radius lies within it.
+    """
+    k1, k2, p1, p2, k3, *rational = coefficients
+    r2 = radius * radius
+    most = r2 * (3 * abs(k1) + r2 * (5 * abs(k2) + r2 * 7 * abs(k3))) + 8 * radius * (abs(p1) + abs(p2))
+    return not any(rational) and most < 0.5
 
 
 def _fold_towards(goal: tuple[float, float], coefficients: lens_distortion.Coefficients) -> float | None:

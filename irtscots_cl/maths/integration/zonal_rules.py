@@ -38,7 +38,7 @@ def southwell_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values
     rises = np.empty((len(p), i.size))
     for rise, along_x, along_y in zip(rises, p, q, strict=True):  # map by map: less memory
         interruption.check()
-        rise[:] = 0.5 * ((along_x[i] + along_x[j]) * step_x + (along_y[i] + along_y[j]) * step_y)
+        rise[:] = 0.5 * ((along_x.take(i) + along_x.take(j)) * step_x + (along_y.take(i) + along_y.take(j)) * step_y)
     return rises
 
 
