@@ -9,19 +9,22 @@ from irtscots_cl.budget.ledger import Ledger, ledger
 from irtscots_cl.budget.linear import LinearBudget, linear_budget
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.monte_carlo import MonteCarlo, monte_carlo
-from irtscots_cl.budget.sensitivity import MANY_DRAWS, Sensitivity, sensitivities
+from irtscots_cl.budget.sensitivity import DRAWS, MANY_DRAWS, Sensitivity, sensitivities
 from irtscots_cl.budget.sources import known_sources
 from irtscots_cl.budget.tolerances import QuadraticError, Tolerances, tolerances
-from irtscots_cl.budget.trials import Trials
+from irtscots_cl.budget.trials import NotMeasured, Trials
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.model import Scene
+
+MOST_MAPS = 1024  # of draws of all processes: time and memory do not grow with their number
 
 
 @dataclass(frozen=True)
 class ErrorBudget:
     """sensitivities: of all sources that there are, and those of the budget. linear, monte_carlo, ledger: of the
-    budget's sources; None without any. trial: whose ledger it is. tolerances: None where nothing is said to be allowed.
+    budget's sources; None without any. trial: whose ledger it is; None, too, for one that cannot be measured, with the
+    reason in no_ledger. tolerances: None where nothing is said to be allowed.
     """
 
     trials: Trials
@@ -31,6 +34,7 @@ class ErrorBudget:
     trial: int
     ledger: Ledger | None = field(repr=False)
     tolerances: Tolerances | None = field(repr=False)
+    no_ledger: str = ""
 
 
 def assess(
@@ -39,7 +43,7 @@ def assess(
     """The error budget of a scene's design. Needs no device.
 
     budget: by default the scene's own. trial: whose ledger is made. done: called with the number of finished trials.
-    Raises SceneError for an unknown source or a set-up without light, ValueError for a trial that there is not.
+    Raises SceneError for an unknown source, a set-up without light or fewer than two trials that can be measured, ValueError for a trial that there is not.
     """
     setup = Setup.of(scene)
     budget = budget or setup.scene.budget or Budget()
@@ -49,7 +53,9 @@ def assess(
     trials = Trials.of(design, budget)
     others = [source for name, source in known_sources(setup.scene).items() if name not in budget.sources]
     found = {one.source.name: one for one in sensitivities(design, others)}
-    found |= {one.source.name: one for one in sensitivities(design, trials.sources, MANY_DRAWS)}
+    processes = sum(source.is_process for source in trials.sources)
+    draws = max(DRAWS, min(MANY_DRAWS, MOST_MAPS // max(processes, 1)))
+    found |= {one.source.name: one for one in sensitivities(design, trials.sources, draws)}
     if not budget.sources:
         return ErrorBudget(trials, found, None, None, trial, None, None)
     own = {name: found[name] for name in budget.sources}
@@ -57,4 +63,8 @@ def assess(
     if budget.allow_nm is not None:
         allowed = tolerances(QuadraticError(design, own, budget.sources), budget.allow_nm)
     linear, spread = linear_budget(design, own, budget.sources), monte_carlo(trials, done)
-    return ErrorBudget(trials, found, linear, spread, trial, ledger(trials, trial), allowed)
+    try:
+        rows, why = ledger(trials, trial), ""
+    except NotMeasured as error:
+        rows, why = None, str(error)
+    return ErrorBudget(trials, found, linear, spread, trial, rows, allowed, why)

@@ -36,9 +36,12 @@ class Brightness:
         return f"brightness of the screen as 1 + value {' '.join(self.term)}, x and y from -1 to 1 over it"
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
-        """Changes (du, dv) [2, n] of the places: covariance with the factor over its mean."""
+        """Changes (du, dv) [2, n] of the places: covariance with the factor over its mean; NaN where that is not
+        above 0."""
         slope, mean = self._gradient(design)
-        found: FloatArray = np.einsum("ijn,jn->in", design.light.covariance_mm2, slope) * value / (1 + value * mean)
+        light = 1 + value * mean
+        light = np.where(light > 0, light, np.nan)
+        found: FloatArray = np.einsum("ijn,jn->in", design.light.covariance_mm2, slope) * value / light
         return found
 
     def derivative(self, design: MeasuredDesign) -> FloatArray:

@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from irtscots_cl.budget.trials import Trials
+from irtscots_cl.budget.trials import NotMeasured, Trials
 from irtscots_cl.maths.arrays import FloatArray
 
 COARSE = 32  # pixels per axis, on which the second-order parts are found: they are smooth
@@ -40,7 +40,10 @@ class Ledger:
 
 
 def ledger(trials: Trials, trial: int, order: Sequence[str] | None = None) -> Ledger:
-    """The ledger of a trial. order: names in which they are switched on, by default alphabetical."""
+    """The ledger of a trial. order: names in which they are switched on, by default alphabetical.
+
+    Raises NotMeasured for a trial that cannot be measured, or only some of whose sources can.
+    """
     values = trials.values_of(trial)
     names = tuple(order or values)
     steps = _heights(trials, trial, [{name: values[name] for name in names[:k]} for k in range(len(names) + 1)])
@@ -68,6 +71,9 @@ def _heights(trials: Trials, trial: int, sets: Sequence[Mapping[str, float]]) ->
     found = np.zeros((len(sets), trials.design.count))
     for first in range(0, len(sets), AT_ONCE):
         part = sets[first : first + AT_ONCE]
-        changes = np.stack([trials.changes_mm(trial, on) for on in part])
-        found[first : first + len(part)] = trials.design.heights_mm(changes)
+        changes = np.stack([trials.seen_changes_mm(trial, on) for on in part])
+        try:
+            found[first : first + len(part)] = trials.design.heights_mm(changes)
+        except ValueError as error:  # heights that run away
+            raise NotMeasured(str(error)) from None
     return found

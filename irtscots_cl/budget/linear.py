@@ -7,7 +7,7 @@ Math. Comput. Simul. 55 (2001) 271) for the linear test.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,14 +44,17 @@ def linear_budget(
     nm = {name: found[name].left_nm * distribution.sigma for name, distribution in given.items()}
     total = np.sqrt(sum((values**2 for values in nm.values()), start=np.zeros(len(LEFT_AFTER))))
     variance, covariance = np.zeros(design.count), np.zeros((0, 0))
-    maps: dict[str, FloatArray] = {}
+
+    def without(name: str) -> FloatArray:
+        """Maps [1 or draws, n] of a source's standard deviation."""
+        height = np.atleast_2d(found[name].height_mm) * given[name].sigma
+        return design.response.without(height, LEFT_AFTER[0])
+
     for name, distribution in given.items():
-        height = design.response.without(np.atleast_2d(found[name].height_mm), LEFT_AFTER[0]) * distribution.sigma
-        maps[name] = height
-        variance = variance + np.mean(height**2, axis=0)
+        variance = variance + np.mean(without(name) ** 2, axis=0)
         terms = _terms(design, found[name], distribution)
         covariance = terms if not covariance.size else covariance + terms
-    first, of_all = _sobol(maps, given, found)
+    first, of_all = _sobol(without, given, found)
     return LinearBudget(nm, total, covariance, np.sqrt(variance), first, of_all)
 
 
@@ -63,30 +66,32 @@ def _terms(design: MeasuredDesign, one: Sensitivity, distribution: Distribution)
 
 
 def _sobol(
-    maps: Mapping[str, FloatArray], given: Mapping[str, Distribution], found: Mapping[str, Sensitivity]
+    maps: Callable[[str], FloatArray], given: Mapping[str, Distribution], found: Mapping[str, Sensitivity]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """First and total indices of the mean square. maps: {name: [1 or draws, n]}, of one standard deviation.
+    """First and total indices of the mean square. maps: name -> [1 or draws, n], of one standard deviation.
 
     A process's mean square hardly varies: it counts with the variance over its draws.
     """
-    parameters = [name for name in maps if not found[name].source.is_process]
-    processes = [name for name in maps if found[name].source.is_process]
-    own = np.stack([maps[name][0] for name in parameters]) if parameters else np.zeros((0, 1))
+    parameters = [name for name in given if not found[name].source.is_process]
+    processes = [name for name in given if found[name].source.is_process]
+    own = np.concatenate([maps(name) for name in parameters]) if parameters else np.zeros((0, 1))
     gram = own @ own.T / own.shape[1]
     alone = {name: float(gram[k, k] ** 2 * EXCESS[given[name].kind]) for k, name in enumerate(parameters)}
-    alone |= {name: float(np.var(np.mean(maps[name] ** 2, axis=1), ddof=1)) for name in processes}
-    mixed = dict.fromkeys(maps, 0.0)
+    mixed = dict.fromkeys(given, 0.0)
     pairs = 0.0
     for k, name in enumerate(parameters):
         others = 4 * gram[k] ** 2
         mixed[name] += float(others.sum() - others[k])
         pairs += float(others[k + 1 :].sum())
-        for process in processes:
-            cross = float(4 * np.mean((maps[process] @ own[k] / own.shape[1]) ** 2))
-            mixed[name] += cross
-            mixed[process] += cross
-            pairs += cross
+    for process in processes:
+        draws = maps(process)  # one process at a time: these are many
+        alone[process] = float(np.var(np.mean(draws**2, axis=1), ddof=1))
+        cross = 4 * np.mean((draws @ own.T / draws.shape[1]) ** 2, axis=0) if parameters else np.zeros(0)
+        for name, value in zip(parameters, cross.tolist(), strict=True):
+            mixed[name] += value
+            mixed[process] += value
+            pairs += value
     whole = sum(alone.values()) + pairs
     if not whole > 0:
-        return dict.fromkeys(maps, 0.0), dict.fromkeys(maps, 0.0)
-    return {name: alone[name] / whole for name in maps}, {name: (alone[name] + mixed[name]) / whole for name in maps}
+        return dict.fromkeys(given, 0.0), dict.fromkeys(given, 0.0)
+    return {name: alone[name] / whole for name in given}, {name: (alone[name] + mixed[name]) / whole for name in given}

@@ -1,19 +1,21 @@
 """Everything at once, many times: the height errors of all trials of a budget.
 
 Trials are worked on in blocks of fixed size, so that sums have the same bits however often they are made; memory does
-not grow with the number of trials.
+not grow with the number of trials. A trial that cannot be measured has failed: it counts as worse than all others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from irtscots_cl.budget.sensitivity import NM, zernike_coefficients
-from irtscots_cl.budget.trials import Trials
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.budget.sensitivity import NM, NOLLS, zernike_coefficients
+from irtscots_cl.budget.trials import NotMeasured, Trials
+from irtscots_cl.calibration.height_response import LEFT_AFTER
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
+from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
 BLOCK = 16  # trials measured together
@@ -23,41 +25,86 @@ BLOCK = 16  # trials measured together
 class MonteCarlo:
     """rms_nm: [trials, 4] of each trial's height error, with LEFT_AFTER removed. zernike_nm: [trials, terms] of NOLLS.
 
-    mean_mm, deviation_mm: [n] over the trials of each pixel's height, piston and tilt removed.
+    failed: why, by number, of trials that cannot be measured; their rms is infinite, their terms are NaN. mean_mm,
+    deviation_mm: [n] over the other trials of each pixel's height, piston and tilt removed.
     """
 
     rms_nm: FloatArray = field(repr=False)
     zernike_nm: FloatArray = field(repr=False)
     mean_mm: FloatArray = field(repr=False)
     deviation_mm: FloatArray = field(repr=False)
+    failed: dict[int, str] = field(default_factory=dict)
 
     def percentile_nm(self, share: float) -> FloatArray:
-        """[4] below which that share of the trials' rms lies."""
-        found: FloatArray = np.quantile(self.rms_nm, share, axis=0)
+        """[4] below which that share of all trials' rms lies; infinite where too many failed."""
+        method = "higher" if self.failed else "linear"  # nothing lies between a number and infinity
+        found: FloatArray = np.quantile(self.rms_nm, share, axis=0, method=method)
+        return found
+
+    @property
+    def root_mean_square_nm(self) -> FloatArray:
+        """[4], of the trials that did not fail."""
+        found: FloatArray = np.sqrt(np.mean(self.rms_nm[self._measured] ** 2, axis=0))
         return found
 
     @property
     def zernike_covariance_nm2(self) -> FloatArray:
-        """[terms, terms]."""
-        found: FloatArray = np.cov(self.zernike_nm.T)
+        """[terms, terms], of the trials that did not fail."""
+        found: FloatArray = np.cov(self.zernike_nm[self._measured].T)
         return found
+
+    @property
+    def _measured(self) -> BoolArray:
+        return np.isfinite(self.rms_nm).all(-1)
 
 
 def monte_carlo(trials: Trials, done: Callable[[int], None] = lambda count: None) -> MonteCarlo:
-    """All trials of a budget. done: called with the number of finished trials."""
+    """All trials of a budget. done: called with the number of finished trials.
+
+    Raises SceneError if fewer than two trials can be measured.
+    """
     design, count = trials.design, trials.budget.trials
-    rms, terms = [], []
+    rms, terms = np.full((count, len(LEFT_AFTER)), np.inf), np.full((count, len(NOLLS)), np.nan)
     total, squares = np.zeros(design.count), np.zeros(design.count)
+    failed: dict[int, str] = {}
     for first in range(0, count, BLOCK):
         interruption.check()
-        numbers = range(first, min(first + BLOCK, count))
-        heights = design.heights_mm(np.stack([trials.changes_mm(k) for k in numbers]))
-        rms.append(design.response.left(heights) * NM)
-        terms.append(zernike_coefficients(design, heights) * NM)
-        without = design.response.without(heights, "piston_tilt")
-        total += without.sum(0)
-        squares += (without**2).sum(0)
-        done(numbers[-1] + 1)
-    mean = total / count
-    variance = np.maximum(squares - count * mean**2, 0.0) / (count - 1)
-    return MonteCarlo(np.concatenate(rms), np.concatenate(terms), mean, np.sqrt(variance))
+        numbers, heights = _measured(trials, range(first, min(first + BLOCK, count)), failed)
+        if numbers:
+            rms[numbers] = design.response.left(heights) * NM
+            terms[numbers] = zernike_coefficients(design, heights) * NM
+            without = design.response.without(heights, LEFT_AFTER[0])
+            total += without.sum(0)
+            squares += (without**2).sum(0)
+        done(min(first + BLOCK, count))
+    measured = count - len(failed)
+    if measured < 2:
+        first, why = next(iter(failed.items()))
+        raise SceneError(
+            f"{design.setup.scene.name}: budget.sources: {len(failed)} of {count} trials cannot be measured; must leave "
+            f"at least 2. Trial {first}: {why}"
+        )
+    mean = total / measured
+    variance = np.maximum(squares - measured * mean**2, 0.0) / (measured - 1)
+    return MonteCarlo(rms, terms, mean, np.sqrt(variance), failed)
+
+
+def _measured(trials: Trials, numbers: Sequence[int], failed: dict[int, str]) -> tuple[list[int], FloatArray]:
+    """The trials of some numbers that can be measured, and their heights [trials, n]; the others go to ``failed``."""
+    kept, changes = [], []
+    for number in numbers:
+        try:
+            changes.append(trials.seen_changes_mm(number))
+            kept.append(number)
+        except NotMeasured as error:
+            failed[number] = str(error)
+    if not kept:
+        return [], np.zeros((0, trials.design.count))
+    try:
+        return kept, trials.design.heights_mm(np.stack(changes))
+    except ValueError as error:  # of one of them, whose heights run away
+        if len(kept) == 1:
+            failed[kept[0]] = str(error)
+            return [], np.zeros((0, trials.design.count))
+    alone = [_measured(trials, [number], failed) for number in kept]
+    return [number for one, _ in alone for number in one], np.concatenate([heights for _, heights in alone])

@@ -24,10 +24,13 @@ class PixelBrightness:
     is_process: bool = True
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
-        """Changes (du, dv) [2, n] of the places in one trial: of the mean of what a pixel sees, weighted."""
+        """Changes (du, dv) [2, n] of the places in one trial: of the mean of what a pixel sees, weighted; NaN for a
+        value above 1."""
         columns, rows = design.setup.scene.screen.pixels
         even = uniform(draw.seed, stream_of(self.name), (draw.trial, 0), columns * rows)
         factor = 1 + value * (2 * even - 1)
+        if value > 1:  # less than no light
+            return np.full((2, design.count), np.nan)
         return weighted(design, factor.reshape(rows, columns))
 
 

@@ -16,6 +16,7 @@ from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.source import Draw, Source
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.zernike.polynomials import zernike
+from irtscots_cl.scene.validation import SceneError
 
 DRAWS = 32  # of a process: its rms to 12 %
 MANY_DRAWS = 512  # of one whose intervals are wanted: standard deviations to 3 %
@@ -23,6 +24,7 @@ NOLLS = tuple(range(1, 16))  # terms that are stated: to radial order 4
 DIFFERENCE = 1e-3  # of the usual value, for derivatives by differences
 NONLINEAR = 0.01  # share of the height that is not in proportion to the value, where linearity ends
 NOTHING_MM = 1e-10  # rms height: a source that does nothing but rounding
+SMALLER = 7  # values that are tried, each a tenth of the one before, until every pixel sees light
 NM = 1e6
 
 
@@ -57,26 +59,46 @@ def _of_parameters(design: MeasuredDesign, sources: Sequence[Source]) -> list[Se
     draw = Draw(0, 0)  # parameters take no random numbers
     names = [source.name for source in sources if isinstance(source, Geometry)]
     exact = dict(zip(names, geometry_derivatives(design, names), strict=True)) if names else {}
-    places, both = [], []
+    places, both, reached = [], [], []
     for source in sources:
-        small, usual = DIFFERENCE * source.usual, source.usual
+        small = DIFFERENCE * source.usual
         if (derivative := exact.get(source.name)) is None:
             up, down = (source.changes_mm(design, sign * small, draw) for sign in (1, -1))
             derivative = (up - down) / (2 * small)
         places.append(derivative)
-        both += [source.changes_mm(design, sign * usual, draw) for sign in (1, -1)]
+        value, up_down = _seen(design, source)
+        both += up_down
+        reached.append(value)
     heights = design.response.heights_mm(np.stack(places))
-    up_down = design.heights_mm(np.stack(both)).reshape(len(sources), 2, -1)
+    of_both = design.heights_mm(np.stack(both)).reshape(len(sources), 2, -1)
     left = design.response.left(heights) * NM
     terms = zernike_coefficients(design, heights) * NM
     return [
-        Sensitivity(source, heights[k], left[k], terms[k], 0.0, _linear_to(source.usual, heights[k], up_down[k]))
+        Sensitivity(source, heights[k], left[k], terms[k], 0.0, _linear_to(reached[k], heights[k], of_both[k]))
         for k, source in enumerate(sources)
     ]
 
 
+def _seen(design: MeasuredDesign, source: Source) -> tuple[float, list[FloatArray]]:
+    """A value, the usual one or smaller, at plus and minus which every pixel sees light, and the changes [2, n] there.
+
+    Raises SceneError or ValueError if there is none.
+    """
+    for k in range(SMALLER):
+        value = source.usual / 10**k
+        try:
+            changes = [source.changes_mm(design, sign * value, Draw(0, 0)) for sign in (1, -1)]
+        except SceneError:
+            if k == SMALLER - 1:
+                raise
+            continue
+        if np.isfinite(changes).all():
+            return value, changes
+    raise ValueError(f"source {source.name}: pixels see no light of the screen at {value:g} {source.unit}")
+
+
 def _linear_to(usual: float, height_mm: FloatArray, up_down_mm: FloatArray) -> float:
-    """From heights [2, n] at plus and minus the usual value: the even part grows with its square, the odd's excess with
+    """From heights [2, n] at plus and minus a value, the usual one if nothing hinders: the even part grows with its square, the odd's excess with
     its cube."""
     size = float(np.sqrt(np.mean(height_mm**2))) * usual
     even = float(np.sqrt(np.mean((up_down_mm[0] + up_down_mm[1]) ** 2))) / 2

@@ -21,8 +21,13 @@ from irtscots_cl.budget.source import Draw, Source
 from irtscots_cl.budget.sources import geometry_sources, source_of
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.error_sources import Budget, Distribution
+from irtscots_cl.scene.validation import SceneError
 
 CENTRE = 2.0**-31  # of Sobol's cells: the numbers are multiples of 2^-30, and 0 has no inverse
+
+
+class NotMeasured(Exception):
+    """A trial of which no height map can be made; the message says why."""
 
 
 def quantile(distribution: Distribution, share: FloatArray) -> FloatArray:
@@ -74,6 +79,17 @@ class Trials:
         """Changes (du, dv) [2, n] of the places in a trial with some of its sources on; all by default."""
         on = self.values_of(trial) if values is None else values
         return changes_mm(self.design, [s for s in self.sources if s.name in on], on, Draw(self.budget.seed, trial))
+
+
+    def seen_changes_mm(self, trial: int, values: Mapping[str, float] | None = None) -> FloatArray:
+        """As changes_mm. Raises NotMeasured for a set-up that cannot be, or in which a pixel sees no light."""
+        try:
+            found = self.changes_mm(trial, values)
+        except SceneError as error:
+            raise NotMeasured(str(error)) from None
+        if dark := found.shape[1] - np.count_nonzero(np.isfinite(found).all(0)):
+            raise NotMeasured(f"{dark} of {found.shape[1]} pixels see no light of the screen")
+        return found
 
 
 def changes_mm(

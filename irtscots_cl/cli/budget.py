@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from irtscots_cl.cli.common import add_scene, command, print_json, print_tables
+from irtscots_cl.cli.progress import Progress, add_quiet
 from irtscots_cl.scene.presets import load_scene
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def add(commands) -> None:
         help="rms height error, piston and tilt removed, that 95 %% of tests may have: prints the largest size of each "
         "source, and what to calibrate first; default: the scene's",
     )
+    add_quiet(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="write budget.json, budget.csv and figures there")
 
 
@@ -56,7 +58,8 @@ def _execute(options: argparse.Namespace) -> int:
         if not 0 < options.allow_nm <= 1e9:
             raise ValueError(f"--allow-nm = {options.allow_nm}: must be a number above 0 and at most 1e9")
         budget = replace(budget, allow_nm=options.allow_nm)
-    found = assess(scene, budget, options.trial)
+    with Progress("trials", options.quiet, "trials") as progress:
+        found = assess(scene, budget, options.trial, lambda count: progress(count, budget.trials))
     facts = budget_facts(found)
     if options.out is not None:
         with made_folder(options.out):

@@ -35,7 +35,7 @@ def budget_facts(found: ErrorBudget) -> dict[str, Any]:
             for name, one in found.sensitivities.items()
         ],
     }  # fmt: skip
-    if found.linear is None or found.monte_carlo is None or found.ledger is None:
+    if found.linear is None or found.monte_carlo is None:
         return facts
     linear, spread = found.linear, found.monte_carlo
     facts["sources"] = [
@@ -47,26 +47,34 @@ def budget_facts(found: ErrorBudget) -> dict[str, Any]:
     ]  # fmt: skip
     facts["predicted_nm"] = by_terms(linear.total_nm)
     facts["predicted_zernike_covariance_nm2"] = linear.zernike_covariance_nm2.tolist()
-    facts["trials_rms_nm"] = by_terms(np.sqrt(np.mean(spread.rms_nm**2, axis=0)))
+    facts["trials_rms_nm"] = by_terms(spread.root_mean_square_nm)
+    facts["trials_not_measured"] = {str(number): why for number, why in spread.failed.items()}
     facts["trials_percentiles_nm"] = {f"{share:g}": by_terms(spread.percentile_nm(share)) for share in SHARES}
     facts["trials_zernike_covariance_nm2"] = spread.zernike_covariance_nm2.tolist()
     if found.tolerances is not None:
         facts["tolerances"] = dataclasses.asdict(found.tolerances)
-    without = trials.design.response.left
-    facts["ledger"] = {
+    facts["ledger"] = _ledger_facts(found)
+    return facts
+
+
+def _ledger_facts(found: ErrorBudget) -> dict[str, Any]:
+    """With nothing but the reason for a trial that cannot be measured."""
+    if found.ledger is None:
+        return {"trial": found.trial, "not_measured": found.no_ledger}
+    left = found.trials.design.response.left
+    return {
         "trial": found.trial,
         "rows": [
-            {"name": row.name, "value": row.value, "nm": by_terms(without(row.height_mm[None])[0] * NM),
+            {"name": row.name, "value": row.value, "nm": by_terms(left(row.height_mm[None])[0] * NM),
              "second_order_nm": row.second_order_mm * NM} for row in found.ledger.rows
         ],
-        "total_nm": by_terms(without(found.ledger.total_mm[None])[0] * NM),
+        "total_nm": by_terms(left(found.ledger.total_mm[None])[0] * NM),
     }  # fmt: skip
-    return facts
 
 
 def budget_tables(found: ErrorBudget) -> list[Table]:
     """The tables of the terminal: what each source costs, largest first."""
-    if found.linear is None or found.monte_carlo is None or found.ledger is None:
+    if found.linear is None or found.monte_carlo is None:
         return [_sensitivity_table(found)]
     allowed = [] if found.tolerances is None else _tolerance_tables(found, found.tolerances)
     return [_source_table(found), _total_table(found), *allowed, _ledger_table(found)]
@@ -100,14 +108,18 @@ def _total_table(found: ErrorBudget) -> Table:
     assert found.linear is not None and found.monte_carlo is not None
     spread = found.monte_carlo
     rows = [("root of the sum of squares", *(f"{nm:.3g}" for nm in found.linear.total_nm)),
-            ("rms of the trials", *(f"{nm:.3g}" for nm in np.sqrt(np.mean(spread.rms_nm**2, axis=0)))),
+            ("rms of the trials", *(f"{nm:.3g}" for nm in spread.root_mean_square_nm)),
             *((f"{100 * share:g} % of the trials below", *(f"{nm:.3g}" for nm in spread.percentile_nm(share)))
               for share in SHARES)]  # fmt: skip
+    if spread.failed:
+        number, why = next(iter(spread.failed.items()))
+        rows.append((f"{len(spread.failed)} cannot be measured and count as the worst; trial {number}: {why}", *[""] * 4))
     return Table(f"All together, {found.trials.budget.trials} trials: rms height error in nm", ("", *HEAD), rows)
 
 
 def _ledger_table(found: ErrorBudget) -> Table:
-    assert found.ledger is not None
+    if found.ledger is None:
+        return Table(f"Ledger of trial {found.trial}: cannot be measured", ("why",), [(found.no_ledger,)])
     left = found.trials.design.response.left
     ranked = sorted(found.ledger.rows, key=lambda row: -float(np.mean(row.height_mm**2)))
     rows = [
