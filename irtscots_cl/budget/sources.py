@@ -24,11 +24,14 @@ _FIXED: dict[str, Source] = {
     )
 }
 
+FORM = ("mirror.radius_relative", "mirror.conic")  # which a flat mirror has not
+
 
 def known_sources(scene: Scene) -> dict[str, Source]:
     """Sources of a scene by name, without the mirror's Zernike terms (zernike.4_um and so on) and without motion, which
     each number of the geometry can have (vibration.camera.x_mm, drift.camera.x_mm)."""
-    return {name: geometry(name, scene) for name in known_parameters(scene)} | _FIXED
+    flat = FORM if scene.mirror.is_flat else ()
+    return {name: geometry(name, scene) for name in known_parameters(scene) if name not in flat} | _FIXED
 
 
 def source_of(name: str, scene: Scene) -> Source:
@@ -37,7 +40,7 @@ def source_of(name: str, scene: Scene) -> Source:
         return _FIXED[name]
     moving = next((prefix for prefix in (VIBRATION, DRIFT) if name.startswith(prefix)), "")
     of = name.removeprefix(moving)
-    if of.startswith(PREFIXES):
+    if of.startswith(PREFIXES) and not (of in FORM and scene.mirror.is_flat):
         try:
             found = geometry(of, scene)
         except ValueError:

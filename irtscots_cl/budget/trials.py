@@ -21,7 +21,7 @@ from irtscots_cl.budget.source import Draw, Source
 from irtscots_cl.budget.sources import geometry_sources, source_of
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.error_sources import Budget, Distribution
-from irtscots_cl.scene.validation import SceneError
+from irtscots_cl.scene.validation import SceneError, problem
 
 CENTRE = 2.0**-31  # of Sobol's cells: the numbers are multiples of 2^-30, and 0 has no inverse
 
@@ -52,9 +52,15 @@ class Trials:
 
     @classmethod
     def of(cls, design: MeasuredDesign, budget: Budget) -> Trials:
-        """Raises SceneError for an unknown source."""
+        """Raises SceneError for an unknown source, or for a process with a distribution of its size."""
         scene = design.setup.scene
-        return cls(design, budget, tuple(source_of(name, scene) for name in sorted(budget.sources)))
+        sources = tuple(source_of(name, scene) for name in sorted(budget.sources))
+        for source in sources:
+            given = budget.sources[source.name]
+            if source.is_process and given.kind != "normal":
+                key = ("budget", "sources", source.name, given.kind)
+                raise problem(scene.name, key, f"= {given.size:g}: must be a number; a process has one size, drawn anew")
+        return cls(design, budget, sources)
 
     @property
     def parameters(self) -> tuple[Source, ...]:

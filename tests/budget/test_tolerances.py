@@ -71,6 +71,6 @@ def test_cheap_calibrations_come_first(trials, found):
     costs = {name: replace(one, cost=1e6 if name == first else 1.0) for name, one in given.items()}
     plan = tolerances(QuadraticError(trials.design, found, costs), 5.0).plan
     assert plan[0].name != first and plan[0].cost == 1.0
-    none = {name: replace(one, cost=1.0 if name == "noise.place_mm" else None) for name, one in given.items()}
+    none = {name: replace(one, cost=1.0 if name == "screen.x_mm" else None) for name, one in given.items()}
     only = tolerances(QuadraticError(trials.design, found, none), 5.0).plan
-    assert [step.name for step in only] == ["noise.place_mm"] and only[0].after_nm > 5.0
+    assert [step.name for step in only] == ["screen.x_mm"] and only[0].after_nm > 5.0
