@@ -31,7 +31,7 @@ NOISE_DRAWS = 32  # maps of random slopes for the predicted height noise; its ow
 
 @dataclass(frozen=True)
 class PredictedError:
-    """Predicted rms errors: slopes [rad] as (x, y); heights [mm] with piston and tilt removed.
+    """Predicted rms errors: slopes [rad] as (x, y); heights [mm] of height_mask, with piston and tilt removed.
 
     systematic: of the whole measurement without noise, line sampling included; None where it was not asked for or has
     no model, and then line sampling stands for it. rounding_height_mm: of the device's arithmetic. bound: the height is
@@ -139,7 +139,7 @@ def _why_bound(result: Reconstruction, steady: SystematicError | None, unresolve
     reasons = []
     if unresolved_mm > 0:
         reasons.append("light narrower than the lines")
-    if steady is None or steady.lost > LOST_SHARE * result.pixels_used:
+    if steady is None or steady.lost > LOST_SHARE * int(result.height_mask.sum()):
         reasons.append("pixels without a model")
     if steady is not None and not steady.settled:
         reasons.append("the measured surface does not explain its own images")

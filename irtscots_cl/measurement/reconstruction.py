@@ -172,7 +172,7 @@ def reconstruct(
     convert them to the pixels' centres (slopes.deconvolve_pixel). min_coverage: smallest share of a pixel's footprint
     that must lie on the mirror. threshold: see light_curves.effective_screen_pixels. estimates: of this stack's scans.
 
-    Raises ValueError if the stack does not match the scene or fewer than MIN_PIXELS pixels can be used.
+    Raises ValueError if the stack does not match the scene or fewer than MIN_PIXELS pixels can be used or are joined.
     """
     if light_curve not in LIGHT_CURVES:
         raise ValueError(f"light_curve = {light_curve!r}: must be one of {', '.join(LIGHT_CURVES)}")
@@ -201,12 +201,19 @@ def reconstruction_of(
 ) -> Reconstruction:
     """The surface from centroids (u, v) [1 + replicates, rows, columns] in mm, of the pixels in the mask.
 
-    points: of the design, as from design_points. found: other fields of the Reconstruction.
+    points: of the design, as from design_points. found: other fields of the Reconstruction. Raises ValueError if fewer
+    than MIN_PIXELS pixels have heights that are known against each other.
     """
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in points)
     slope_x, slope_y, deviation, islands = surface_of(
         setup.chief_rays, (x_mm, y_mm), (u_mm, v_mm), mask, centroid, method, pixel_average
     )
+    joined = int(islands.main.sum())
+    if joined < MIN_PIXELS:
+        raise ValueError(
+            f"scene {setup.scene.name}: the {mask.sum()} usable pixels lie in islands, of which the largest joined "
+            f"group has {joined}; must be at least {MIN_PIXELS}"
+        )
     return Reconstruction(
         setup=setup,
         method=method,

@@ -95,8 +95,8 @@ def _island_check(islands: IslandReport) -> Check:
     alone = islands["pixels_alone"]
     text = (
         f"the mask has {islands['count']} islands in {groups} groups whose pistons against each other are unknown "
-        f"(gaps too wide for the deviation); heights are of the largest group, {islands['pixels_in_heights']} pixels"
-        + (f"; {alone} single pixels have no height" if alone else "")
+        f"(gaps too wide for the deviation); heights and their predicted error are of the largest group, "
+        f"{islands['pixels_in_heights']} pixels" + (f"; {alone} single pixels have no height" if alone else "")
     )
     return Check("islands", WARNING, float(groups), 1.0, 1e-3, text)
 
