@@ -101,16 +101,17 @@ class Reconstruction:
         """Maps [draws, rows, columns] of what the joining of islands may have wrong; none where nothing was joined."""
         return np.zeros((0, *self.mask.shape)) if self.islands is None else self.islands.joining_errors()
 
-    def misfit(self, slope_noise: Pair | None = None) -> Misfit:
+    def misfit(self, slope_noise: Pair | None = None, systematic: Pair | None = None) -> Misfit:
         """The part of the slopes that no surface has (maths.integration.misfit), beside that of their noise.
 
         slope_noise: standard errors of slope_x, slope_y [rows, columns] in rad; by default the replicates' scatter.
+        systematic: predicted errors of them besides noise, as PredictedError.line_sampling.
         """
         own = self.setup.chief_rays.surface.gradient(self.x_mm, self.y_mm)
         extra_x, extra_y = self.slope_x - own[0], self.slope_y - own[1]
         noise = np.stack(slope_noise or [jackknife_error(self.estimates(f"slope_{axis}")) for axis in "xy"])
         noise_x, noise_y = noise if np.isfinite(noise[:, self.mask]).all() else (None, None)
-        return integration_misfit(self.x_mm, self.y_mm, extra_x, extra_y, self.mask, noise_x, noise_y)
+        return integration_misfit(self.x_mm, self.y_mm, extra_x, extra_y, self.mask, noise_x, noise_y, systematic)
 
     def white_slope_noise(self) -> float:
         """Standard error [rad] of the slopes if white noise alone makes their misfit; NaN for a mask without a loop."""

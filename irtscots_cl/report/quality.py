@@ -57,6 +57,7 @@ def misfit_facts(misfit: Misfit) -> MisfitFacts:
     return {
         "urad_rms": misfit.slope * 1e6,
         "noise_urad_rms": misfit.expected * 1e6,
+        "systematic_urad_rms": misfit.systematic * 1e6,
         "limit_urad_rms": misfit.limit * 1e6,
         "suspicious": misfit.suspicious,
     }
