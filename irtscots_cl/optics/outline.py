@@ -16,6 +16,7 @@ from irtscots_cl.scene.outline import corners_mm
 
 if TYPE_CHECKING:
     from irtscots_cl.scene.mirror import Mirror
+    from irtscots_cl.scene.outline import Outline as OutlineTable
 
 ON_EDGE = 1e-9  # of a shape's size: nearer points get the direction of the side, not that from the nearest point
 
@@ -160,10 +161,12 @@ class Outline:
     @classmethod
     def of(cls, mirror: Mirror) -> Outline | None:
         """The outline of a scene's mirror; None of one that is a whole disk. Raises ValueError for a mask's file."""
-        outline = mirror.outline
-        if outline is None:
-            return None
-        strips = [strip for spider in outline.spider for strip in spider.strips_mm(mirror.diameter_mm)]
+        return None if mirror.outline is None else cls.of_table(mirror.outline, mirror.diameter_mm)
+
+    @classmethod
+    def of_table(cls, outline: OutlineTable, diameter_mm: float) -> Outline:
+        """The outline of a table [mirror.outline], on a disk. Raises ValueError for a mask's file."""
+        strips = [strip for spider in outline.spider for strip in spider.strips_mm(diameter_mm)]
         parts: tuple[Part, ...] = tuple(_part(shape) for shape in outline.shapes)
         if outline.is_mask:
             from irtscots_cl.scene.outline_mask import outline_mask  # imported late: few outlines are pictures
