@@ -19,8 +19,10 @@ NM2_MM2 = 1e12  # of a density in mm^4
 CURVE_STEPS = 300
 
 
-def transfer_facts(found: TransferSummary, psd: CorrectedPsd | None = None) -> dict[str, Any]:
-    """All of it as plain data."""
+def transfer_facts(
+    found: TransferSummary, psd: CorrectedPsd | None = None, removed: str = "piston_tilt"
+) -> dict[str, Any]:
+    """All of it as plain data. removed: terms that were taken out of the map of psd."""
     transfer, geometry = found.transfer, found.geometry
     along_x, along_y, along = found.directions
     facts: dict[str, Any] = {
@@ -50,6 +52,7 @@ def transfer_facts(found: TransferSummary, psd: CorrectedPsd | None = None) -> d
             "aliased": psd.aliased.tolist(),
             "exponent": psd.exponent,
             "window": "hann",
+            "removed": removed,
         }
     return facts
 
