@@ -98,7 +98,8 @@ def _of_process(design: MeasuredDesign, source: Source, draws: int) -> Sensitivi
     ])  # fmt: skip
     squares = design.response.left(heights) ** 2
     left = np.sqrt(squares.mean(0))
-    error = float(squares[:, 0].std(ddof=1) / np.sqrt(draws) / squares[:, 0].mean() / 2)
+    mean = float(squares[:, 0].mean())
+    error = float(squares[:, 0].std(ddof=1) / np.sqrt(draws) / mean / 2) if mean > 0 else 0.0
     terms = np.sqrt(np.mean(zernike_coefficients(design, heights) ** 2, axis=0))
     return Sensitivity(source, heights, left * NM, terms * NM, error, np.inf)
 
