@@ -82,26 +82,45 @@ class LineFrames:
     @cached_property
     def of_addition(self) -> tuple[FloatArray, FloatArray]:
         """Nothing is added outside the window of the lines that the light reaches and one more on either side."""
-        x, y = (np.where(self._window(axis), self._shares(axis).away_mm * self.brightest, 0.0) for axis in range(2))
-        return x, y
+        return self._addition(0), self._addition(1)
 
     @cached_property
     def signal(self) -> tuple[FloatArray, FloatArray]:
-        x, y = (shares.share / self.brightest for shares in self.sample.shares)
+        x, y = (shares.share * shares.on_screen[:, None] / self.brightest for shares in self.sample.shares)
         return x, y
 
     @cached_property
     def brightest(self) -> float:
         """The largest share of a pixel's light in a single line."""
-        return float(max(shares.share.max() for shares in self.sample.shares))
+        return float(max((shares.share * shares.on_screen[:, None]).max() for shares in self.sample.shares))
 
-    def _window(self, axis: int) -> BoolArray:
+    def _addition(self, axis: int) -> FloatArray:
+        shares = self._shares(axis)
+        with np.errstate(divide="ignore"):
+            scale = np.where(shares.on_screen > 0, self.brightest / shares.on_screen, 0.0)
+        return np.where(self.window(axis), shares.away_mm * scale[:, None], 0.0)
+
+    def window(self, axis: int) -> BoolArray:
+        """The frames [n, k] of an axis that a pixel's place is found from."""
         shares = self._shares(axis)
         lit = shares.share > 0
         reached = lit.copy()
         reached[:, 1:] |= lit[:, :-1]
         reached[:, :-1] |= lit[:, 1:]
         return reached & (shares.lines >= 0) & (shares.lines < self.counts[axis])
+
+    @cached_property
+    def curves(self) -> tuple[FloatArray, FloatArray]:
+        """Of each axis [n, k] light curves in closed form, with any unit."""
+        return self._curve(0), self._curve(1)
+
+    def _curve(self, axis: int) -> FloatArray:
+        shares, screen = self._shares(axis), self.sample.screen
+        numbers = shares.first[:, None] + np.arange(shares.share.shape[1] + 1)
+        numbers = np.clip(numbers, 0, screen.pixels[axis])  # no light comes from beyond
+        edges = (numbers - screen.pixels[axis] / 2) * screen.pitch_xy_mm[axis] + screen.centre_offset_mm[axis]
+        found: FloatArray = np.maximum(self._light.light("uv"[axis], edges), 0.0)
+        return found
 
     @cached_property
     def _light(self) -> PixelLight:

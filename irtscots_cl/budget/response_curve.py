@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irtscots_cl.budget.frames import FringeFrames
+from irtscots_cl.budget.frames import FringeFrames, LineFrames
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.source import Draw
 from irtscots_cl.maths.arrays import FloatArray
@@ -46,13 +46,16 @@ class ResponsePower:
         frames = design.frames
         if isinstance(frames, FringeFrames):
             return np.stack([_of_phases(frames, axis, power) for axis in range(2)])
-        if self.of == "screen":
+        if self.of == "screen" or not isinstance(frames, LineFrames):
             return np.zeros((2, design.count))
-        found = []
-        for shares in design.light.shares:
-            curve = shares.share**power
-            found.append(np.sum(shares.away_mm * curve, -1) / curve.sum(-1))
-        return np.stack(found)
+        return np.stack([_of_curves(frames, axis, power) for axis in range(2)])
+
+
+def _of_curves(frames: LineFrames, axis: int, power: float) -> FloatArray:
+    curve, place = frames.curves[axis], frames.sample.shares[axis].away_mm
+    with np.errstate(invalid="ignore", divide="ignore"):  # a pixel of the rim without light of its own
+        before, after = (np.sum(place * c, -1) / c.sum(-1) for c in (curve, curve**power))
+    return np.nan_to_num(after - before)
 
 
 def _of_phases(frames: FringeFrames, axis: int, power: float) -> FloatArray:

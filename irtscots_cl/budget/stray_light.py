@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irtscots_cl.budget.frames import FringeFrames
+from irtscots_cl.budget.frames import LineFrames
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.source import Draw
 from irtscots_cl.maths.arrays import FloatArray
@@ -26,10 +26,10 @@ class UniformLight:
         """Changes (du, dv) [2, n] of the places: towards the middle of the window of their lines, by the share of what
         is added in the window's light."""
         frames = design.frames
-        if isinstance(frames, FringeFrames):
+        if not isinstance(frames, LineFrames):
             return np.zeros((2, design.count))
         found = np.empty((2, design.count))
         for axis in range(2):
-            added = value * np.count_nonzero(frames.of_addition[axis], axis=-1)
+            added = value * np.count_nonzero(frames.window(axis), axis=-1)
             found[axis] = value * frames.of_addition[axis].sum(-1) / (1 + added / frames.signal[axis].sum(-1))
         return found

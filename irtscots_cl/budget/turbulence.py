@@ -2,8 +2,8 @@
 
 Each leg of the way has two layers of air, at Gauss's points, so that squares of levers, and with them the variance of
 places, are those of air all along. A layer is a field of optical path of von Karman's spectrum that both legs cross,
-each at its own place: near the mirror at nearly the same. Its slope there, averaged over the light of a pixel, bends the
-chief ray. From frame to frame the wind moves the layers on, in a direction that differs from trial to trial.
+each at its own place: near the mirror at nearly the same. Its slope there, averaged over the light of a pixel, bends
+the chief ray. From frame to frame the wind moves the layers on, in a direction that differs from trial to trial.
 """
 
 from __future__ import annotations

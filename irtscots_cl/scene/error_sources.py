@@ -80,7 +80,9 @@ class Air:
 @checked("budget")
 class Budget:
     """sources: name -> Distribution. periods, steps: of the fringes; without periods, single lines are scanned.
-    allow_nm: what the test may cost. air: of the source air.turbulence_nm; None for that of Air(). Raises SceneError for a value that is not allowed.
+    allow_nm: what the test may cost. air: of the source air.turbulence_nm; None for that of Air().
+
+    Raises SceneError for a value that is not allowed.
     """
 
     sources: Annotated[

@@ -12,7 +12,7 @@ from irtscots_cl.optics.setup import Setup
 
 
 def test_levers_of_a_sphere_from_its_centre():
-    """By ray matrices: a bend at a distance from the camera moves the place by that distance; likewise of the screen."""
+    """By ray matrices: a bend at a distance from the camera moves the place by that much; so does one of the screen."""
     design = MeasuredDesign.of(Setup(small_scene()))
     levers, lengths = design.bends.levers_mm, design.bends.lengths_mm
     middle = np.argmin(np.hypot(*design.bends.points_mm[:, :2].T))

@@ -32,13 +32,13 @@ def test_fringes_of_a_power(steps, of):
             _, cosine, sine = np.linalg.lstsq(columns, frames)[0]
             turn = np.angle((cosine + 1j * sine) * np.exp(-1j * phase))
             told = told + p**2 / np.square(periods).sum() * turn * width / (2 * np.pi * p)
-        assert np.abs(found[axis] - told).max() < 2e-3 * np.abs(told).max()
+        assert np.abs(found[axis] - told).max() < 6e-3 * np.abs(told).max()  # harmonics beyond the 9th
 
 
 def test_full_lines_stay_full():
     design = MeasuredDesign.of(Setup(small_scene()))
     assert not ResponsePower("screen").changes_mm(design, 1.2, NO_DRAW).any()
-    assert not ResponsePower("detector").changes_mm(design, 0.0, NO_DRAW).any()
+    assert np.abs(ResponsePower("detector").changes_mm(design, 0.0, NO_DRAW)).max() < 1e-12
 
 
 def test_light_curves_of_a_power_of_the_light():
@@ -56,5 +56,4 @@ def test_light_curves_of_a_power_of_the_light():
         place = (edges[1:] + edges[:-1]) / 2
         one, power = (np.sum(place * c, -1) / c.sum(-1) for c in (curve, curve ** (1 + value)))
         told = power - one
-        assert np.corrcoef(found[axis], told)[0, 1] > 0.95  # shares of lines are good to a few per cent
-        assert np.sqrt(np.mean(found[axis] ** 2)) == pytest.approx(np.sqrt(np.mean(told**2)), rel=0.15)
+        assert np.abs(found[axis] - told).max() < 1e-3 * np.abs(told).max()

@@ -19,11 +19,12 @@ def test_light_curves_with_a_floor():
     found = UniformLight().changes_mm(design, value, NO_DRAW)
     for axis in range(2):
         pitch, signal = design.setup.scene.screen.pitch_xy_mm[axis], design.frames.signal[axis]
-        lines = design.frames.numbers(axis)
+        lines = design.light.shares[axis].lines
         for pixel in range(0, design.count, 53):
             lit = np.flatnonzero(signal[pixel])
             window = np.arange(lit[0] - 1, lit[-1] + 2)
-            own, place = signal[pixel, window], (lines[pixel, lit[0]] + window - lit[0]) * pitch
+            window = window[(lines[pixel, window] >= 0) & (lines[pixel, window] < design.frames.counts[axis])]
+            own, place = signal[pixel, window], lines[pixel, window] * pitch
             told = np.sum(place * (own + value)) / np.sum(own + value) - np.sum(place * own) / own.sum()
             assert abs(found[axis, pixel] - told) < 1e-12
     assert np.abs(found).max() > 1e-4
