@@ -36,7 +36,7 @@ def slope_covariance(apart_mm: float, outer_mm: float, smooth_mm: float):
 
 def test_places_in_still_air_have_the_variance_of_the_spectrum(design):
     """Of a sphere from its centre, levers are distances; both legs together, apart by what their rays are."""
-    draws = np.stack([Turbulence().changes_mm(design, NM, Draw(1, k)) for k in range(150)])
+    draws = np.stack([Turbulence().changes_mm(design, NM, Draw(1, k)) for k in range(100)])
     lengths = [np.mean(length) for length in design.bends.lengths_mm]
     told = np.zeros(2)
     for layer, part in enumerate(LAYERS):
@@ -45,7 +45,7 @@ def test_places_in_still_air_have_the_variance_of_the_spectrum(design):
         own, both = (np.array(slope_covariance(a, STILL.outer_scale_mm, _light_mm(design))) for a in (0.0, apart))
         told += 0.25 * (NM * 1e-6) ** 2 * (sum(a**2 for a in levers) * own + 2 * levers[0] * levers[1] * both)
     found = np.mean(draws**2, axis=(0, 2))
-    # 3 % of the variance are below the grid; 150 draws of some ten independent parts of the mirror: 4 %
+    # 3 % of the variance are below the grid; 100 draws of some ten independent parts of the mirror: 4 %
     assert found == pytest.approx(told, rel=0.13)
 
 
@@ -54,7 +54,7 @@ def test_wind_averages_over_the_frames(design):
     size, step = _grid(design)
     windy = replace(design, air=replace(STILL, wind_mm_per_s=10 * 4.37 * size * step, frame_s=0.1))
     still, moved = (
-        np.mean(np.stack([Turbulence().changes_mm(one, NM, Draw(2, k)) for k in range(60)]) ** 2, axis=0)
+        np.mean(np.stack([Turbulence().changes_mm(one, NM, Draw(2, k)) for k in range(40)]) ** 2, axis=0)
         for one in (design, windy)
     )
     told = np.stack([np.sum(weights**2, -1) for weights in design.frames.of_shift])
