@@ -31,6 +31,24 @@ class PixelBrightness:
         return weighted(design, factor.reshape(rows, columns))
 
 
+@dataclass(frozen=True)
+class DeadPixels:
+    """Pixels of the screen that are dark, each with the same chance. value: root of their share, which effects grow
+    with. A pixel of the detector that sees dead ones alone keeps its place."""
+
+    name: str = "screen.dead_pixels"
+    unit: str = "sqrt(share)"
+    text: str = "dead pixels of the screen: root of their share"
+    usual: float = 0.03
+    is_process: bool = True
+
+    def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
+        """Changes (du, dv) [2, n] of the places in one trial."""
+        columns, rows = design.setup.scene.screen.pixels
+        even = uniform(draw.seed, stream_of(self.name), (draw.trial, 0), columns * rows)
+        return np.nan_to_num(weighted(design, np.where(even < value**2, 0.0, 1.0).reshape(rows, columns)))
+
+
 def weighted(design: MeasuredDesign, factor: FloatArray) -> FloatArray:
     """Changes (du, dv) [2, n] of the places by a factor [rows, columns] on the light of the screen's pixels.
 

@@ -89,6 +89,9 @@ def _linear_to(usual: float, height_mm: FloatArray, up_down_mm: FloatArray) -> f
 
 def _of_process(design: MeasuredDesign, source: Source, draws: int) -> Sensitivity:
     usual = source.usual
+    first, second = (source.changes_mm(design, usual, Draw(0, k)) for k in range(2))
+    if first.any() and np.array_equal(first, second):  # it takes no random numbers
+        draws = 2
     heights = np.concatenate([
         design.response.heights_mm(
             np.stack([source.changes_mm(design, usual, Draw(0, k)) for k in range(first, min(first + DRAWS, draws))])
@@ -98,7 +101,8 @@ def _of_process(design: MeasuredDesign, source: Source, draws: int) -> Sensitivi
     ])  # fmt: skip
     squares = design.response.left(heights) ** 2
     left = np.sqrt(squares.mean(0))
-    error = float(squares[:, 0].std(ddof=1) / np.sqrt(draws) / squares[:, 0].mean() / 2)
+    mean = float(squares[:, 0].mean())
+    error = float(squares[:, 0].std(ddof=1) / np.sqrt(draws) / mean / 2) if mean > 0 else 0.0
     terms = np.sqrt(np.mean(zernike_coefficients(design, heights) ** 2, axis=0))
     return Sensitivity(source, heights, left * NM, terms * NM, error, np.inf)
 

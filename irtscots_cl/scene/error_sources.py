@@ -12,13 +12,15 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, Strict, model_validator
 
 from irtscots_cl.scene.calibration_known import flat_names
-from irtscots_cl.scene.validation import Seed, array_of, bounded, checked, refuse
+from irtscots_cl.scene.validation import PositiveMm, Seed, array_of, bounded, checked, refuse
 
 _SIZE = bounded(gt=0, le=1e6)
 _Size = Annotated[Annotated[float, Strict(), _SIZE] | None, Field(description=_SIZE.description)]
 _COST = bounded(ge=0, le=1e12)
 _Periods = Annotated[float, Strict(), bounded(gt=0, le=1e4)]
 _NM = bounded(gt=0, le=1e9)
+_WIND = bounded(ge=0, le=1e6)
+_FRAME = bounded(ge=0, le=1e6)
 KINDS = ("normal", "uniform", "triangular")
 
 
@@ -63,10 +65,24 @@ def _sources(table: Any) -> Any:
     return flat_names(table, (*KINDS, "cost"), "normal")
 
 
+@checked("air")
+class Air:
+    """Turbulent air on the rays' way: its outer scale, its wind across the way, and the time from frame to frame.
+
+    Raises SceneError for a value that is not allowed.
+    """
+
+    outer_scale_mm: PositiveMm = 1000.0
+    wind_mm_per_s: Annotated[float, Strict(), _WIND] = 100.0
+    frame_s: Annotated[float, Strict(), _FRAME] = 0.1
+
+
 @checked("budget")
 class Budget:
     """sources: name -> Distribution. periods, steps: of the fringes; without periods, single lines are scanned.
-    allow_nm: what the test may cost. Raises SceneError for a value that is not allowed.
+    allow_nm: what the test may cost. air: of the source air.turbulence_nm; None for that of Air().
+
+    Raises SceneError for a value that is not allowed.
     """
 
     sources: Annotated[
@@ -80,8 +96,11 @@ class Budget:
     seed: Seed = 1
     allow_nm: Annotated[Annotated[float, Strict(), _NM] | None, Field(description=_NM.description)] = None
 
+    air: Annotated[Air | None, Field(description="a table [budget.air]")] = None
+
     def __hash__(self) -> int:  # a dict has none
-        return hash((frozenset(self.sources.items()), self.periods, self.steps, self.trials, self.seed, self.allow_nm))
+        own = (self.periods, self.steps, self.trials, self.seed, self.allow_nm, self.air)
+        return hash((frozenset(self.sources.items()), *own))
 
     @property
     def fringes(self) -> tuple[tuple[float, ...], int] | None:

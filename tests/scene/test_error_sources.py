@@ -16,9 +16,11 @@ def test_round_trip():
     scene = scene_with(
         "\n[budget]\ntrials = 16\nallow_nm = 20.0\n[budget.sources]\ncamera.x_mm = 0.1\n"
         '"screen.tilt_x_rad" = { uniform = 1e-3, cost = 500.0 }\n'
+        "[budget.air]\nouter_scale_mm = 300.0\nwind_mm_per_s = 0.0\n"
     )
     assert scene.budget.sources["camera.x_mm"].normal == 0.1
     assert scene.budget.sources["screen.tilt_x_rad"].cost == 500
+    assert (scene.budget.air.outer_scale_mm, scene.budget.air.wind_mm_per_s, scene.budget.air.frame_s) == (300, 0, 0.1)
     assert parse_scene(scene.to_toml()) == scene and hash(scene) == hash(parse_scene(scene.to_toml()))
 
 
@@ -34,6 +36,8 @@ def test_round_trip():
         ('[budget.sources]\n"camera.x_mm" = "a"', "must be a number, or a table { normal, uniform, triangular, cost }"),
         ("[budget]\ntrials = 1", "budget.trials = 1: must be an integer from 2 to"),
         ("[budget]\nallow = 1.0", "budget.allow: unknown key; did you mean allow_nm?"),
+        ("[budget.air]\nouter_scale_mm = 0.0", "budget.air.outer_scale_mm = 0.0: must be a finite number at least"),
+        ("[budget.air]\nwind = 1.0", "budget.air.wind: unknown key; allowed: outer_scale_mm, wind_mm_per_s, frame_s"),
         ("budget = 3", "budget = 3: must be a table [budget]"),
     ],
 )
