@@ -49,7 +49,7 @@ def assess(
     trials = Trials.of(design, budget)
     others = [source for name, source in known_sources(setup.scene).items() if name not in budget.sources]
     found = {one.source.name: one for one in sensitivities(design, others)}
-    found |= {one.source.name: one for one in sensitivities(design, trials.sources, MANY_DRAWS)}
+    found |= own_sensitivities(trials)
     if not budget.sources:
         return ErrorBudget(trials, found, None, None, trial, None, None)
     own = {name: found[name] for name in budget.sources}
@@ -58,3 +58,8 @@ def assess(
         allowed = tolerances(QuadraticError(design, own, budget.sources), budget.allow_nm)
     linear, spread = linear_budget(design, own, budget.sources), monte_carlo(trials, done)
     return ErrorBudget(trials, found, linear, spread, trial, ledger(trials, trial), allowed)
+
+
+def own_sensitivities(trials: Trials) -> dict[str, Sensitivity]:
+    """Of the budget's sources by name, with enough draws of processes for intervals."""
+    return {one.source.name: one for one in sensitivities(trials.design, trials.sources, MANY_DRAWS)}

@@ -103,6 +103,8 @@ class ErrorSamples:
             root = np.sqrt(np.maximum(across**2 + size * (size - square), 0.0))
             shrink = np.maximum((root - across) / size, 0.0)
         left = own @ own - 2 * shrink * (errors @ inside) - np.sum(errors**2, -1)
+        if not size > 0:  # heights that have nothing of the error: the true ones have all of it
+            left = own @ own + np.sum(errors**2, -1)
         found = np.sqrt(np.maximum(left, 0.0) / len(own)) * NM
         low, middle, high = np.quantile(found, ((1 - coverage) / 2, 0.5, (1 + coverage) / 2))
         return Interval(float(middle), float(low), float(high))

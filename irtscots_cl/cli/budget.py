@@ -6,11 +6,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from irtscots_cl.cli.common import add_scene, command, print_json, print_tables
+from irtscots_cl.cli.common import add_scene, command, print_json, print_tables, warn
 from irtscots_cl.scene.presets import load_scene
 
 if TYPE_CHECKING:
     from irtscots_cl.budget.assess import ErrorBudget
+    from irtscots_cl.scene.model import Scene
 
 
 def add(commands) -> None:
@@ -33,11 +34,29 @@ def add(commands) -> None:
         help="rms height error, piston and tilt removed, that 95 %% of tests may have: prints the largest size of each "
         "source, and what to calibrate first; default: the scene's",
     )
+    parser.add_argument(
+        "--result",
+        type=Path,
+        metavar="FILE",
+        help="judge a measured map instead: result.h5 or any that `irtscots map` reads; prints Zernike terms and rms "
+        "values with 95 %% intervals by the scene's error sources",
+    )
+    parser.add_argument(
+        "--require",
+        metavar="TEXT",
+        help='with --result: limits as of ISO 10110-5 in fringes, such as "3/2(0.5/0.2) RMSi<0.05": which are met',
+    )
+    parser.add_argument(
+        "--wavelength-nm", type=float, metavar="W", help="with --require: a fringe is half of it; default 546.07"
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="write budget.json, budget.csv and figures there")
 
 
 def _execute(options: argparse.Namespace) -> int:
+    _check(options)
     scene = load_scene(options.scene)
+    if options.result is not None:
+        return _judge(options, scene)
     from dataclasses import replace
 
     from irtscots_cl.budget.assess import assess
@@ -67,6 +86,41 @@ def _execute(options: argparse.Namespace) -> int:
     print_tables(budget_tables(found))
     if options.out is not None:
         print(f"results in {options.out}")
+    return 0
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Raises ValueError for options that do not go together."""
+    for name, needs in (("require", "result"), ("wavelength_nm", "require")):
+        if getattr(options, name) is not None and getattr(options, needs) is None:
+            raise ValueError(f"--{name.replace('_', '-')}: must be given with --{needs}")
+    if options.wavelength_nm is not None and not 1 <= options.wavelength_nm <= 1e6:
+        raise ValueError(f"--wavelength-nm = {options.wavelength_nm}: must be from 1 to 1e6")
+    if options.result is not None:
+        for name in ("trials", "allow_nm", "out"):
+            if getattr(options, name) is not None:
+                raise ValueError(f"--{name.replace('_', '-')}: must be left out with --result")
+
+
+def _judge(options: argparse.Namespace, scene: Scene) -> int:
+    """The verdict on a measured map."""
+    from irtscots_cl.budget.verdict import WAVELENGTH_NM
+    from irtscots_cl.pipeline.verdict import judge_map
+    from irtscots_cl.report.verdict import verdict_facts, verdict_tables
+    from irtscots_cl.scene.error_sources import Budget
+    from irtscots_cl.system.atomic_files import plain
+
+    require = options.require if options.require is not None else ""
+    if options.require is not None and not require.split():
+        raise ValueError("--require: must have at least one limit")
+    budget = scene.budget or Budget()
+    found = judge_map(scene, budget, options.result, require, options.wavelength_nm or WAVELENGTH_NM)
+    for text in found.warnings:
+        warn(f"{options.result}: {text}")
+    if options.json:
+        print_json(plain(verdict_facts(found)))
+    else:
+        print_tables(verdict_tables(found))
     return 0
 
 
