@@ -39,7 +39,7 @@ def judge_map(
     file that is no map of this mirror, an indication that is none, or a budget without sources.
     """
     limits = requirements(require, wavelength_nm) if require else {}
-    if not budget.sources:
+    if not budget.sources and budget.calibrated is None:
         raise ValueError("--result: must have a scene with error sources: give them in [budget.sources]")
     setup = Setup.of(scene)
     read = open_map(path).as_kind(SURFACE)
@@ -52,8 +52,12 @@ def judge_map(
             f"{path}: has heights at {used.sum()} of the {design.count} points of the mirror that the design's pixels "
             f"see; must be at least {max(FEWEST, int(np.ceil(LEAST_SHARE * design.count)))}"
         )
-    samples = ErrorSamples(design, own_sensitivities(trials), budget.sources, used)
-    own = heights[used]
+    errors = {
+        name: replace(one, height_mm=trials.procedure.fitted(one.height_mm, used))
+        for name, one in own_sensitivities(trials).items()
+    }
+    samples = ErrorSamples(design, errors, trials.budget.sources, used, trials.joint)
+    own = trials.procedure.fitted(np.where(used, heights, 0.0), used)[used]
     rms = {name: samples.rms(own, nolls) for name, nolls in LEFT_OUT.items()}
     judged = tuple(judge(samples, own, limits))
     return Verdict(trials, str(path), wavelength_nm, used, samples.zernikes(own), rms, judged, read.warnings)

@@ -19,6 +19,7 @@ def verdict_facts(found: Verdict) -> dict[str, Any]:
         "pixels": found.trials.design.count,
         "pixels_with_height": int(np.sum(found.used)),
         "coverage": COVERAGE,
+        "compensators": list(found.trials.procedure.compensators),
         "wavelength_nm": found.wavelength_nm,
         "zernike_nm": {str(noll): _facts(interval) for noll, interval in found.zernikes.items()},
         "rms_nm": {name: _facts(interval) for name, interval in found.rms.items()},
@@ -46,16 +47,18 @@ def verdict_tables(found: Verdict) -> list[Table]:
         f"{found.source}: what the mirror has, of {int(np.sum(found.used))} of {len(found.used)} pixels; RMSt: without "
         "piston, tilt; RMSi: and without power; RMSa: without all that is rotationally symmetric"
     )
+    if found.trials.procedure.text:
+        title += f"; {found.trials.procedure.text}"
     tables = [Table(title, head, [*terms, *rms])]
     if found.judged:
-        rows = [
+        limits = [
             (one.name, f"{one.limit_nm:.4g}", *_shown(one.interval), one.verdict, f"{one.guard_nm:.3g}",
              f"{one.missing_nm:.3g}" if one.verdict == OPEN else "")
             for one in found.judged
         ]  # fmt: skip
         title = f"Required, in fringes of half of {found.wavelength_nm:g} nm"
-        head = ("", "limit [nm]", "nm", f"{share} from", "to", "", "guard band [nm]", "missing to decide [nm]")
-        tables.append(Table(title, head, rows))
+        columns = ("", "limit [nm]", "nm", f"{share} from", "to", "", "guard band [nm]", "missing to decide [nm]")
+        tables.append(Table(title, columns, limits))
     return tables
 
 
