@@ -52,7 +52,7 @@ class Procedure:
             raise problem(scene.name, ("budget", "mirror_turns"), text, budget.mirror_turns)
         return cls(design, budget.compensators, budget.exposures, budget.mirror_turns)
 
-    def coarse(self, design: MeasuredDesign) -> Procedure:
+    def on(self, design: MeasuredDesign) -> Procedure:
         """The same on other pixels."""
         return Procedure(design, self.compensators, self.exposures, self.turns)
 

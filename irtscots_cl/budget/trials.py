@@ -59,8 +59,11 @@ class Trials:
 
     def coarse(self, most_per_axis: int) -> Trials:
         """The same on fewer pixels."""
-        design = self.design.coarse(most_per_axis)
-        return replace(self, design=design, procedure=self.procedure.coarse(design))
+        return self.on(self.design.coarse(most_per_axis))
+
+    def on(self, design: MeasuredDesign) -> Trials:
+        """The same on other pixels of the design."""
+        return replace(self, design=design, procedure=self.procedure.on(design))
 
     @property
     def parameters(self) -> tuple[Source, ...]:

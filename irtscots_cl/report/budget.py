@@ -162,6 +162,21 @@ def _size(value: float, unit: str) -> str:
     return "any" if value == float("inf") else f"{value:.3g} {unit}".strip()
 
 
+def simulated_table(facts: dict[str, Any]) -> Table:
+    """A trial's simulated test beside the trial: facts of pipeline/simulated_trial.py."""
+    rows = [
+        ("the trial's height, of the sources that a scene holds", f"{facts['predicted_nm']:.4g}"),
+        ("simulated: traced, measured, less the design's", f"{facts['simulated_nm']:.4g}"),
+        ("difference of the two", f"{facts['difference_nm']:.3g}"),
+        ("standard error of the simulated one by rays", f"{facts['rays_nm']:.3g}"),
+        ("the design's own error, by measure and rays", f"{facts['design_nm']:.3g}"),
+        ("simulated with the pixels that the rim cuts", f"{facts['with_rim_nm']:.4g}"),
+        ("left out", ", ".join(facts["left_out"]) or "nothing"),
+    ]
+    title = f"Trial {facts['trial']} as a test: rms height error in nm of {facts['pixels']} pixels off the rim"
+    return Table(f"{title}, piston and tilt removed", ("", ""), rows)
+
+
 def budget_rows(found: ErrorBudget) -> list[list[str]]:
     """The sources as rows of a CSV file, the head first."""
     head = ["source", "unit", "distribution", "size", "sigma", *(f"nm_{terms}" for terms in LEFT_AFTER), "sobol_total"]

@@ -12,6 +12,7 @@ from small_budget import SOURCES, small_scene
 from irtscots_cl.formats.height_map import HeightMap
 from irtscots_cl.formats.maps import write_map
 from irtscots_cl.scene.error_sources import Budget
+from irtscots_cl.scene.presets import load_scene
 
 
 @pytest.fixture
@@ -77,6 +78,18 @@ def test_a_result_is_judged(irtscots, tmp_path):
     assert code == 0 and "not decided" in out and "Zernike 6" in out and "half of 1000 nm" in out
 
 
+def test_a_trial_is_simulated(irtscots, tmp_path):
+    scene = replace(small_scene(31), name="few", budget=Budget(sources={"screen.z_mm": 0.1}, trials=4))
+    path = tmp_path / "few.toml"
+    path.write_text(scene.to_toml())
+    options = ("--images", "--rays-per-pixel", "1024", "--trial", "2", "--json", "--out", tmp_path / "out")
+    code, out, _ = irtscots("budget", path, *options)
+    told = json.loads(out)["simulated"]
+    assert code == 0 and told["trial"] == 2 and told["left_out"] == []
+    assert told["simulated_nm"] == pytest.approx(told["predicted_nm"], abs=5 * told["rays_nm"])
+    assert load_scene(str(tmp_path / "out" / "few-trial-2.toml")).name == "few-trial-2"
+
+
 @pytest.mark.parametrize(
     "options, told",
     [
@@ -89,6 +102,8 @@ def test_a_result_is_judged(irtscots, tmp_path):
         (("--result", "none.h5", "--require", " "), "--require: must have at least one limit"),
         (("--result", "none.h5", "--wavelength-nm", "500"), "--wavelength-nm: must be given with --require"),
         (("--result", "none.h5", "--trials", "5"), "--trials: must be left out with --result"),
+        (("--device", "cpu"), "--device: must be given with --images"),
+        (("--result", "none.h5", "--images"), "--images: must be left out with --result"),
         (("--trial", "-1"), "--trial = -1: must be from 0 to 15"),
     ],
 )
