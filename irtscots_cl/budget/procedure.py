@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from irtscots_cl.budget.averaging import left_by_exposures
 from irtscots_cl.budget.geometry import geometry, geometry_derivatives
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.source import Source
@@ -70,7 +71,7 @@ class Procedure:
         """What is left of a process's draws [draws, n], as many: of each mean, the draws of its turns are others."""
         if source.stays:
             return self.of_parameter(source, heights)
-        heights = heights / np.sqrt(self.exposures)
+        heights = heights * left_by_exposures(self.exposures)
         if self.turns > 1:
             heights = self._turned.mean(np.stack([np.roll(heights, -k, axis=0) for k in range(self.turns)]))
         return self.fitted(heights)
