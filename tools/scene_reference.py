@@ -264,6 +264,10 @@ MEANINGS = (
         "trials": "tests that are tried with all errors at once",
         "seed": "of their random numbers",
         "allow_nm": "rms height error that the test may have",
+        "compensators": "numbers of the geometry that are fitted away from the heights",
+        "exposures": "measurements of one kind whose mean is taken",
+        "mirror_turns": "equal turns of the mirror about its axis, over a full circle, whose mean is taken",
+        "calibrated": "has the covariance of further sources of the geometry",
         "air": "turbulent air, of the source `air.turbulence_nm`; without it, that of the defaults",
     }),
     ("[budget.air]", Air, "Turbulent air on the rays' way, of von Karman's spectrum.", {

@@ -47,14 +47,20 @@ def assess(
         raise ValueError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
     design = MeasuredDesign.of(setup, budget.fringes, budget.air)
     trials = Trials.of(design, budget)
-    others = [source for name, source in known_sources(setup.scene).items() if name not in budget.sources]
-    found = {one.source.name: one for one in sensitivities(design, others)}
-    found |= {one.source.name: one for one in sensitivities(design, trials.sources, MANY_DRAWS)}
+    others = [source for name, source in known_sources(setup.scene).items() if name not in trials.budget.sources]
+    found = {one.source.name: one for one in sensitivities(design, others, procedure=trials.procedure)}
+    found |= own_sensitivities(trials)
+    budget = trials.budget
     if not budget.sources:
         return ErrorBudget(trials, found, None, None, trial, None, None)
     own = {name: found[name] for name in budget.sources}
     allowed = None
     if budget.allow_nm is not None:
-        allowed = tolerances(QuadraticError(design, own, budget.sources), budget.allow_nm)
-    linear, spread = linear_budget(design, own, budget.sources), monte_carlo(trials, done)
+        allowed = tolerances(QuadraticError(design, own, budget.sources, joint=trials.joint), budget.allow_nm)
+    linear, spread = linear_budget(design, own, budget.sources, trials.joint), monte_carlo(trials, done)
     return ErrorBudget(trials, found, linear, spread, trial, ledger(trials, trial), allowed)
+
+
+def own_sensitivities(trials: Trials) -> dict[str, Sensitivity]:
+    """Of the budget's sources by name, with enough draws of processes for intervals."""
+    return {one.source.name: one for one in sensitivities(trials.design, trials.sources, MANY_DRAWS, trials.procedure)}

@@ -51,7 +51,7 @@ def ledger(trials: Trials, trial: int, order: Sequence[str] | None = None) -> Le
 
 def _second_order(trials: Trials, trial: int, values: Mapping[str, float]) -> dict[str, float]:
     """The most in mm that other sources change in each source's row."""
-    coarse = Trials(trials.design.coarse(COARSE), trials.budget, trials.sources)
+    coarse = trials.coarse(COARSE)
     alone = dict(zip(values, _heights(coarse, trial, [{name: value} for name, value in values.items()]), strict=True))
     pairs = list(combinations(values, 2))
     both = _heights(coarse, trial, [{a: values[a], b: values[b]} for a, b in pairs])
@@ -68,6 +68,5 @@ def _heights(trials: Trials, trial: int, sets: Sequence[Mapping[str, float]]) ->
     found = np.zeros((len(sets), trials.design.count))
     for first in range(0, len(sets), AT_ONCE):
         part = sets[first : first + AT_ONCE]
-        changes = np.stack([trials.changes_mm(trial, on) for on in part])
-        found[first : first + len(part)] = trials.design.heights_mm(changes)
+        found[first : first + len(part)] = trials.heights_mm([(trial, on) for on in part])
     return found

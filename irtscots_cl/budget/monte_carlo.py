@@ -51,7 +51,7 @@ def monte_carlo(trials: Trials, done: Callable[[int], None] = lambda count: None
     for first in range(0, count, BLOCK):
         interruption.check()
         numbers = range(first, min(first + BLOCK, count))
-        heights = design.heights_mm(np.stack([trials.changes_mm(k) for k in numbers]))
+        heights = trials.heights_mm([(k, None) for k in numbers])
         rms.append(design.response.left(heights) * NM)
         terms.append(zernike_coefficients(design, heights) * NM)
         without = design.response.without(heights, "piston_tilt")

@@ -22,6 +22,7 @@ class PixelBrightness:
     text: str = "factor on each pixel of the screen, uniform within 1 +- value"
     usual: float = 0.1
     is_process: bool = True
+    stays: bool = True
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial: of the mean of what a pixel sees, weighted."""
@@ -73,10 +74,11 @@ class FrameBrightness:
     text: str = "relative rms of the screen's brightness from frame to frame"
     usual: float = 1e-2
     is_process: bool = True
+    stays: bool = False
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
-        factors = value * normal(draw.seed, stream_of(self.name), (draw.trial, 0), sum(design.frames.counts))
+        factors = value * normal(draw.seed, stream_of(self.name), (draw.trial, draw.repeat), sum(design.frames.counts))
         return of_frames(design, factors, shift=False)
 
 
@@ -89,6 +91,7 @@ class BrightnessDrift:
     text: str = "relative change of the screen's brightness from the first to the last frame"
     usual: float = 1e-2
     is_process: bool = False
+    stays: bool = True
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places."""

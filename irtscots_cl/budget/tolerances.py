@@ -15,9 +15,10 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import qmc
 
+from irtscots_cl.budget.joint import NONE, Joint
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.sensitivity import NM, Sensitivity
-from irtscots_cl.budget.trials import CENTRE, quantile
+from irtscots_cl.budget.trials import CENTRE, drawn
 from irtscots_cl.calibration.height_response import LEFT_AFTER
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.error_sources import Distribution
@@ -31,13 +32,15 @@ WIDEST = 1e6  # times its size: a source that may be off by more does nothing
 class QuadraticError:
     """Quantiles of the rms height error in nm for any sizes of the sources.
 
-    given: the sources' distributions. remove: terms taken out of the height, one of LEFT_AFTER.
+    given: the sources' distributions. remove: terms taken out of the height, one of LEFT_AFTER. joint: those that vary
+    together.
     """
 
     design: MeasuredDesign = field(repr=False)
     found: Mapping[str, Sensitivity] = field(repr=False)
     given: Mapping[str, Distribution]
     remove: str = LEFT_AFTER[0]
+    joint: Joint = NONE
 
     @cached_property
     def _parameters(self) -> tuple[str, ...]:
@@ -61,8 +64,8 @@ class QuadraticError:
             return np.zeros((1, 0))
         sequence = qmc.Sobol(len(names), scramble=True, rng=np.random.default_rng(0))
         shares = sequence.random_base2(round(math.log2(POINTS))) + CENTRE
-        columns = [quantile(self.given[name], shares[:, k]) / self.given[name].size for k, name in enumerate(names)]
-        return np.stack(columns, -1)
+        values = drawn(self.given, self.joint, names, shares)
+        return np.stack([values[name] / self.given[name].size for name in names], -1)
 
     @cached_property
     def _processes(self) -> dict[str, float]:

@@ -80,7 +80,9 @@ class Air:
 @checked("budget")
 class Budget:
     """sources: name -> Distribution. periods, steps: of the fringes; without periods, single lines are scanned.
-    allow_nm: what the test may cost. air: of the source air.turbulence_nm; None for that of Air().
+    allow_nm: what the test may cost. air: of the source air.turbulence_nm; None for that of Air(). compensators: numbers
+    of the geometry that are fitted away. exposures, mirror_turns: measurements whose mean is taken. calibrated: report
+    with the covariance of further sources.
 
     Raises SceneError for a value that is not allowed.
     """
@@ -95,12 +97,28 @@ class Budget:
     trials: Annotated[int, Strict(), Field(ge=2, le=2**20, description="an integer from 2 to 1048576")] = 512
     seed: Seed = 1
     allow_nm: Annotated[Annotated[float, Strict(), _NM] | None, Field(description=_NM.description)] = None
-
     air: Annotated[Air | None, Field(description="a table [budget.air]")] = None
+    compensators: Annotated[
+        tuple[Annotated[str, Strict()], ...], *array_of('an array of names of the geometry, such as "screen.z_mm"')
+    ] = ()
+    exposures: Annotated[int, Strict(), Field(ge=1, le=1000, description="an integer from 1 to 1000")] = 1
+    mirror_turns: Annotated[int, Strict(), Field(ge=1, le=24, description="an integer from 1 to 24")] = 1
+    calibrated: Annotated[
+        Annotated[str, Strict(), Field(min_length=1, max_length=4096)] | None,
+        Field(description="the path of a report.json of `irtscots calibrate`"),
+    ] = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Budget:
+        for k, name in enumerate(self.compensators):
+            if name in self.compensators[:k]:
+                refuse(("compensators",), name, "name each once")
+        return self
 
     def __hash__(self) -> int:  # a dict has none
-        own = (self.periods, self.steps, self.trials, self.seed, self.allow_nm, self.air)
-        return hash((frozenset(self.sources.items()), *own))
+        given = (self.periods, self.steps, self.trials, self.seed, self.allow_nm, self.air)
+        done = (self.compensators, self.exposures, self.mirror_turns, self.calibrated)
+        return hash((frozenset(self.sources.items()), given, done))
 
     @property
     def fringes(self) -> tuple[tuple[float, ...], int] | None:
