@@ -28,6 +28,7 @@ class TemperatureGradient:
     unit: str = "K/m"
     usual: float = 0.5
     is_process: bool = False
+    stays: bool = True
 
     @property
     def name(self) -> str:

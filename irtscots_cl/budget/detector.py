@@ -31,6 +31,7 @@ class ReadNoise:
     text: str = "noise of each sample, rms over the brightest sample of all frames"
     usual: float = 1e-3
     is_process: bool = True
+    stays: bool = False
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
@@ -47,6 +48,7 @@ class Quantisation:
     text: str = "step of the rounding over the brightest sample of all frames: 1/255 for 8 bits in full use"
     usual: float = 1 / 255
     is_process: bool = True
+    stays: bool = False
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
@@ -68,6 +70,7 @@ class SceneNoise:
     text: str = "noise of [camera.detector.noise]: shot noise of light and dark current, read noise, rounding"
     usual: float = 1.0
     is_process: bool = True
+    stays: bool = False
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""

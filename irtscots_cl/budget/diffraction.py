@@ -33,6 +33,7 @@ class Diffraction:
     text: str = "diffraction at the camera's aperture, at this wavelength"
     usual: float = 550.0
     is_process: bool = True
+    stays: bool = True
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places."""

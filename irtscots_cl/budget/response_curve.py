@@ -27,6 +27,7 @@ class ResponsePower:
     of: str
     unit: str = ""
     is_process: bool = False
+    stays: bool = True
 
     @property
     def name(self) -> str:

@@ -42,6 +42,7 @@ class DeadPixels:
     text: str = "dead pixels of the screen: root of their share"
     usual: float = 0.03
     is_process: bool = True
+    stays: bool = True
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""

@@ -21,6 +21,7 @@ class UniformLight:
     text: str = "the same light in all frames, that is not subtracted, over the brightest sample"
     usual: float = 1e-3
     is_process: bool = False
+    stays: bool = True
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places: towards the middle of the window of their lines, by the share of what

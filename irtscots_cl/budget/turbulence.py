@@ -37,6 +37,7 @@ class Turbulence:
     text: str = "turbulent air: rms of the optical path from screen to camera, on the outer scale of [budget.air]"
     usual: float = 10.0
     is_process: bool = True
+    stays: bool = False
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""

@@ -20,6 +20,7 @@ from irtscots_cl.formats.maps import open_map
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.optics.height_map import placed_map
+from irtscots_cl.optics.map_edges import Aperture
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.height_map import HeldMap, MirrorMap
@@ -74,7 +75,7 @@ def heights_at_pixels(read: HeightMap, design: MeasuredDesign, path: Path) -> Fl
     smooth, rest = _split(read, mirror.diameter_mm / 2)
     table = MirrorMap(heights=HeldMap(rest), outside="nearest")  # what is made up is not used
     try:
-        placed = placed_map(table, rest, 0, mirror.diameter_mm / 2, mirror.obscuration_mm / 2)
+        placed = placed_map(table, rest, 0, Aperture(mirror.diameter_mm / 2, mirror.obscuration_mm / 2, mirror.outline))
     except SceneError as error:
         raise ValueError(f"{path}: {str(error).partition(': ')[2]}") from None
     x, y = seen.x_mm[seen.mask], seen.y_mm[seen.mask]

@@ -80,9 +80,9 @@ class Air:
 @checked("budget")
 class Budget:
     """sources: name -> Distribution. periods, steps: of the fringes; without periods, single lines are scanned.
-    allow_nm: what the test may cost. air: of the source air.turbulence_nm; None for that of Air(). compensators: numbers
-    of the geometry that are fitted away. exposures, mirror_turns: measurements whose mean is taken. calibrated: a report
-    with the covariance of further sources.
+    allow_nm: what the test may cost. air: of the source air.turbulence_nm; None for that of Air(). compensators:
+    numbers of the geometry that are fitted away. exposures, mirror_turns: measurements whose mean is taken.
+    calibrated: a report with the covariance of further sources.
 
     Raises SceneError for a value that is not allowed.
     """
