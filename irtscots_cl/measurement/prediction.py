@@ -27,6 +27,7 @@ from irtscots_cl.measurement.systematic_error import SystematicError, systematic
 SHARPENED = float(np.hypot(7 / 6, 2 / 24))  # by which deconvolve_pixel multiplies the rms of independent noise
 LOST_SHARE = 0.02  # of the pixels: as many without a model leave the rms as it is
 NOISE_DRAWS = 32  # maps of random slopes for the predicted height noise; its own error is a few percent
+FEW_DRAWS, MANY_PIXELS = 8, 2**18  # the same for larger detectors, whose maps take long: twice that error
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,8 @@ def _noise(
     if not all(np.isfinite(part[mask]).any() for part in noise):
         return noise, []
     random = np.random.default_rng(0)
-    draws = [np.nan_to_num(part) * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
+    count = NOISE_DRAWS if mask.size <= MANY_PIXELS else FEW_DRAWS
+    draws = [np.nan_to_num(part) * random.standard_normal((count, *mask.shape)) for part in noise]
     if not result.pixel_average:  # sharpening makes noise of neighbours differ more, which integration evens out
         draws = [deconvolve_pixel(part, mask) for part in draws]
         noise = [part * sharpened for part in noise]

@@ -21,7 +21,7 @@ from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.line_edges import line_edges, on_lines
 from irtscots_cl.measurement.reconstruction import MIN_PIXELS, Reconstruction, reconstruct
-from irtscots_cl.measurement.refinement import modelled, refine, zernike_fit
+from irtscots_cl.measurement.refinement import Fit, modelled, refine, zernike_fit
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.optics.surface_map import MappedChiefRays, PixelMap
@@ -101,7 +101,7 @@ def _of_fine_structure(
     result: Reconstruction,
     finer: Reconstruction,
     stack: ImageStack,
-    fit: FloatArray,
+    fit: Fit,
     noise_mm: FloatArray | None,
     limit_mm: float,
 ) -> SystematicError | None:
@@ -152,7 +152,7 @@ def _large(result: Reconstruction, found: SystematicError, noise_mm: float) -> b
     return found.height_mm > max(LARGE * rms(left, result.mask), FINE * noise_mm)
 
 
-def _zernike_surface(result: Reconstruction, fit: FloatArray, target_mm: FloatArray) -> Scene:
+def _zernike_surface(result: Reconstruction, fit: Fit, target_mm: FloatArray) -> Scene:
     """The design with the Zernike terms of a deviation [rows, columns], without piston over the mirror.
 
     A measured deviation has mean zero over the pixels. A mirror whose vertex is where the design has it has none over
@@ -167,7 +167,7 @@ def _zernike_surface(result: Reconstruction, fit: FloatArray, target_mm: FloatAr
 
 def _fine_structure(
     result: Reconstruction,
-    fit: FloatArray,
+    fit: Fit,
     target_mm: FloatArray,
     noise_mm: FloatArray | None,
     limit_mm: float,
