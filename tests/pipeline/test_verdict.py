@@ -93,3 +93,18 @@ def test_what_cannot_be_judged_is_one_line(setup, tmp_path):
         assert str(error.value).startswith(str(tmp_path / name)) and "\n" not in str(error.value)
     with pytest.raises(ValueError, match="error sources"):
         judge_map(setup, Budget(), tmp_path / "small.npz")
+
+
+def test_what_compensators_take_is_no_part_of_the_verdict(setup, tmp_path):
+    """Half a millimetre of the screen's distance on the map: with it as a compensator, nothing is left but the rest."""
+    design, shape = MeasuredDesign.of(setup), astigmatism(setup, 300.0)
+    radius = setup.scene.mirror.diameter_mm / 2
+    x, y = (place / radius for place in shape.positions_mm())
+    power = replace(shape, heights_mm=shape.heights_mm + 200 * NM * zernike(4, x, y))
+    write_map(tmp_path / "m.npz", power)
+    budget = Budget(sources={"screen.z_mm": 0.05, "camera.x_mm": 0.1}, compensators=("screen.z_mm",))
+    found, plain = judge_map(setup, budget, tmp_path / "m.npz"), judge_map(setup, BUDGET, tmp_path / "m.npz")
+    assert plain.zernikes[4].estimate == pytest.approx(200, abs=0.1)
+    assert abs(found.zernikes[4].estimate) < 2  # the screen's map is power but for a part in a hundred
+    assert found.zernikes[6].estimate == pytest.approx(300, rel=0.02)
+    assert found.trials.procedure.text == "screen.z_mm fitted away" and design.count == len(found.used)
