@@ -14,7 +14,7 @@ WORDS = "seen from the camera"
 SIZE = 6.5  # of the letters, in points
 LENGTH = 26  # of the arrow, in points
 FROM = (0.03, 0.03)  # the corner that a round mirror leaves free, in parts of the axes
-MISPLACED = 0.02  # of a map's width: a camera that looks at a slant sees equal steps in mm as unequal ones
+MISPLACED = 0.01  # of a map's width: a camera that looks at a slant sees equal steps in mm as unequal ones
 UPRIGHT = 0.999  # cosine of the angle between the mirror's x and the detector's columns: 2.6 degrees
 _OUTLINE = [withStroke(linewidth=2, foreground="white")]  # readable on bright and dark maps
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from irtscots_cl.analysis.comparison import Comparison
 from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.optics.pixel.chord import chord_cdf
 from irtscots_cl.report.fiducial import MapFrame, mark_x, x_direction
@@ -53,14 +53,15 @@ def write_figures(
 
 
 def image_figure(stack: ImageStack, towards_x: tuple[float, float] = (1.0, 0.0)) -> Figure:
-    """Camera images under a line at a third and one in the middle of each scan.
+    """Camera images under a line at a third and one in the middle of the lines with light of each scan.
 
     towards_x: direction (column, row) of the mirror's +x.
     """
     figure = Figure(figsize=(10, 8.5), layout="tight")
     for row, scan in zip(figure.subplots(2, 2), (stack.x, stack.y), strict=True):
         count = len(scan.positions_mm)
-        for axes, line in zip(row, (count // 3, count // 2), strict=True):
+        lit = _lit_lines(scan)
+        for axes, line in zip(row, (lit[len(lit) // 3], lit[len(lit) // 2]), strict=True):
             picture = axes.imshow(scan.image(line), origin="lower", cmap="inferno")
             axes.set(
                 title=f"{scan.axis} scan, line {line + 1} of {count} at {scan.positions_mm[line]:.2f} mm",
@@ -70,6 +71,15 @@ def image_figure(stack: ImageStack, towards_x: tuple[float, float] = (1.0, 0.0))
             mark_x(axes, towards_x)
             figure.colorbar(picture, ax=axes, label=f"flux [{scan.unit}]")
     return figure
+
+
+def _lit_lines(scan: Scan) -> IntArray:
+    """Numbers of the lines with light, of all pixels together; all of them where none has any."""
+    count = len(scan.positions_mm)
+    inside = scan.lines < count
+    light = np.bincount(scan.lines[inside], np.nan_to_num(scan.mean_w()[inside]), count)
+    lit = np.flatnonzero(light > LIT / 10 * light.max())
+    return lit if lit.size else np.arange(count)
 
 
 def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
@@ -100,9 +110,7 @@ def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
     return figure
 
 
-def draw_chord(
-    axes: Axes, scan: Scan, position: FloatArray, curve: FloatArray, centre: float, diameter: float
-) -> None:
+def draw_chord(axes: Axes, scan: Scan, position: FloatArray, curve: FloatArray, centre: float, diameter: float) -> None:
     """Show the lines that have light, at least as much as the aperture's image, and the chord of the aperture there.
 
     The chord is the light of a mirror that is tested near its centre of curvature. Where the pixel's light is much

@@ -120,9 +120,13 @@ def test_a_frame_is_of_the_shown_pixels(roll, labels):
     assert shown.sum() == result.mask.sum() and shown[0].any() and shown[-1].any() and shown[:, 0].any()
     if roll == 0.0:
         half = np.nanmax(np.diff(result.x_mm, axis=1)) / 2
-        assert frame.extent[:2] == pytest.approx((np.nanmin(result.x_mm) - half, np.nanmax(result.x_mm) + half), abs=half)
+        assert frame.extent[:2] == pytest.approx(
+            (np.nanmin(result.x_mm) - half, np.nanmax(result.x_mm) + half), abs=half
+        )
         half = np.nanmax(np.diff(result.y_mm, axis=0)) / 2
-        assert frame.extent[2:] == pytest.approx((np.nanmin(result.y_mm) - half, np.nanmax(result.y_mm) + half), abs=half)
+        assert frame.extent[2:] == pytest.approx(
+            (np.nanmin(result.y_mm) - half, np.nanmax(result.y_mm) + half), abs=half
+        )
     else:
         columns, rows = np.flatnonzero(result.mask.any(0)), np.flatnonzero(result.mask.any(1))
         assert frame.extent == (columns[0] - 0.5, columns[-1] + 0.5, rows[0] - 0.5, rows[-1] + 0.5)

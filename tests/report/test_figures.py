@@ -70,7 +70,12 @@ def test_images_are_those_of_the_named_lines(run):
     """Row 0 is at the bottom, as one looks at the mirror."""
     stack = run[0]
     pictures = maps_of(image_figure(stack))
-    expected = [scan.image(len(scan.positions_mm) // part) for scan in (stack.x, stack.y) for part in (3, 2)]
+    expected = []
+    for scan in (stack.x, stack.y):
+        sums = np.array([scan.image(k).sum() for k in range(len(scan.positions_mm))])
+        lit = np.flatnonzero(sums > 0.01 * sums.max())
+        assert len(lit) < len(sums)  # lines beside the mirror's light would show a dark detector
+        expected += [scan.image(lit[len(lit) // part]) for part in (3, 2)]
     for picture, image in zip(pictures, expected, strict=True):
         np.testing.assert_array_equal(picture.get_array(), image)
         assert picture.origin == "lower"
