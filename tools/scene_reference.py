@@ -397,8 +397,8 @@ def kinds() -> str:
 def default_of(field) -> str:
     if field.is_required():
         return "required"
-    value = field.default
-    if value is None or value == ():
+    value = field.get_default(call_default_factory=True)
+    if value is None or value in ((), {}):
         return "none"
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"

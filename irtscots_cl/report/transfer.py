@@ -89,12 +89,14 @@ def transfer_tables(found: TransferSummary, psd: CorrectedPsd | None = None) -> 
         values = [f"{getattr(response, name)[0, k]:.4f}" for name in names]
         rows.append((f"{period:.4g}", f"{1 / period:.4g}", *values, over,
                      f"{abs(response.height[0, k]) * found.ripple_nm:.3g}", seen))  # fmt: skip
+    head = ("period [mm]", "1/mm", *names, "over the mirror", f"of {found.ripple_nm:g} nm [nm]", "seen as")
+    if not response.aliased[0].any():  # a column of nothing
+        head, rows = head[:-1], [row[:-1] for row in rows]
     x, y = (round(float(place[0]), 1) + 0.0 for place in (found.geometry.x_mm, found.geometry.y_mm))  # no -0.0
     title = (
         f"{transfer.setup.scene.name}, {_how(found)}: waves along {found.angle_deg:g} degrees at "
         f"{x:.1f}, {y:.1f} mm on the mirror"
     )
-    head = ("period [mm]", "1/mm", *names, "over the mirror", f"of {found.ripple_nm:g} nm [nm]", "seen as")
     limits = [_row(direction) for direction in dict.fromkeys(found.directions)]
     shown = Table("Limits of the height's response", ("along", "Nyquist period [mm]", "half response at [mm]"), limits)
     return [Table(title, head, rows), shown, *([] if psd is None else [_psd_table(psd)])]
