@@ -117,7 +117,7 @@ def large_smoothing_matrix(
         if sums is not None and groups is not None:
             sums += exact @ np.equal.outer(groups[part], np.arange(sums.shape[1]))
     means = None
-    if sums is not None:
+    if sums is not None and groups is not None:
         count = np.bincount(groups, minlength=sums.shape[1])
         gram -= (sums / count) @ sums.T  # of the basis without its mean over each group
         means = sums / count
@@ -136,7 +136,8 @@ def applied(fit: NDArray[np.floating], values: Values) -> Values:
         whole: Values = fit @ values
         return whole
     parts = [fit[:, part].astype(np.float64) @ values[part] for part in _parts(len(values))]
-    return np.sum(parts, axis=0)
+    total: Values = np.sum(parts, axis=0)
+    return total
 
 
 def _parts(samples: int) -> Iterator[slice]:
