@@ -1,6 +1,6 @@
 """Processor seconds and memory of an error budget of every known source of a scene, each at a tenth of its usual value.
 
-    OPENBLAS_NUM_THREADS=1 python tools/budget_cost.py sphere --trials 400
+OPENBLAS_NUM_THREADS=1 python tools/budget_cost.py sphere --trials 400
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ def main() -> None:
     options = parser.parse_args()
     scene = load_scene(options.scene)
     known = known_sources(scene)
-    budget = Budget(sources={name: SHARE * one.usual for name, one in known.items()}, trials=options.trials, allow_nm=20)
+    sizes = {name: SHARE * one.usual for name, one in known.items()}
+    budget = Budget(sources=sizes, trials=options.trials, allow_nm=20)
     design = MeasuredDesign.of(Setup(scene))
     print(f"{scene.name}: {len(known)} sources, {design.count} pixels")
     clocked("import, set-up", lambda: None)

@@ -22,7 +22,7 @@ from irtscots_cl.scene.calibration_known import Calibration, Knowledge
 from irtscots_cl.scene.camera_intrinsics import Intrinsics, check_intrinsics
 from irtscots_cl.scene.detector_noise import DetectorNoise
 from irtscots_cl.scene.element import ALLOWS, KINDS, NEEDS, Element
-from irtscots_cl.scene.error_sources import Budget, Distribution
+from irtscots_cl.scene.error_sources import Air, Budget, Distribution
 from irtscots_cl.scene.height_map import MirrorMap
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
@@ -264,6 +264,16 @@ MEANINGS = (
         "trials": "tests that are tried with all errors at once",
         "seed": "of their random numbers",
         "allow_nm": "rms height error that the test may have",
+        "compensators": "numbers of the geometry that are fitted away from the heights",
+        "exposures": "measurements of one kind whose mean is taken",
+        "mirror_turns": "equal turns of the mirror about its axis, over a full circle, whose mean is taken",
+        "calibrated": "has the covariance of further sources of the geometry",
+        "air": "turbulent air, of the source `air.turbulence_nm`; without it, that of the defaults",
+    }),
+    ("[budget.air]", Air, "Turbulent air on the rays' way, of von Karman's spectrum.", {
+        "outer_scale_mm": "longest size of its eddies: beyond, the spectrum is flat",
+        "wind_mm_per_s": "by which it moves across the way, as it is",
+        "frame_s": "time from frame to frame",
     }),
     ('[budget.sources], "NAME" = { ... }', Distribution, "Distribution of a source's value about 0, where a standard "
      "deviation alone does not say enough.", {
@@ -333,7 +343,7 @@ UNITS = {
 UNITS_OF_KEYS = {
     "coefficients_mm": "mm^(1 - n)",
     "radiance": "W/(mm² sr)", "b0": "1/sr", "electrons_at_peak": "e", "dark_current_e_per_s": "e/s",
-    "gain_e_per_dn": "e/DN",
+    "gain_e_per_dn": "e/DN", "wind_mm_per_s": "mm/s",
 }  # fmt: skip
 FILE_KEYS = {ZernikeTerms: {"coefficients_um": " or ".join(f"`{key}`" for key in ZERNIKE_KEYS)}}
 
@@ -387,8 +397,8 @@ def kinds() -> str:
 def default_of(field) -> str:
     if field.is_required():
         return "required"
-    value = field.default
-    if value is None or value == ():
+    value = field.get_default(call_default_factory=True)
+    if value is None or value in ((), {}):
         return "none"
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"

@@ -12,7 +12,7 @@ from irtscots_cl.budget.monte_carlo import MonteCarlo, monte_carlo
 from irtscots_cl.budget.sensitivity import DRAWS, MANY_DRAWS, Sensitivity, sensitivities
 from irtscots_cl.budget.sources import known_sources
 from irtscots_cl.budget.tolerances import QuadraticError, Tolerances, tolerances
-from irtscots_cl.budget.trials import NotMeasured, Trials
+from irtscots_cl.budget.trials import NotMeasuredError, Trials
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.model import Scene
@@ -43,28 +43,35 @@ def assess(
     """The error budget of a scene's design. Needs no device.
 
     budget: by default the scene's own. trial: whose ledger is made. done: called with the number of finished trials.
-    Raises SceneError for an unknown source, a set-up without light or fewer than two trials that can be measured, ValueError for a trial that there is not.
+    Raises SceneError for an unknown source, a set-up without light or fewer than two trials that can be measured,
+    ValueError for a trial that there is not.
     """
     setup = Setup.of(scene)
     budget = budget or setup.scene.budget or Budget()
     if not 0 <= trial < budget.trials:
         raise ValueError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
-    design = MeasuredDesign.of(setup, budget.fringes)
+    design = MeasuredDesign.of(setup, budget.fringes, budget.air)
     trials = Trials.of(design, budget)
-    others = [source for name, source in known_sources(setup.scene).items() if name not in budget.sources]
-    found = {one.source.name: one for one in sensitivities(design, others)}
-    processes = sum(source.is_process for source in trials.sources)
-    draws = max(DRAWS, min(MANY_DRAWS, MOST_MAPS // max(processes, 1)))
-    found |= {one.source.name: one for one in sensitivities(design, trials.sources, draws)}
+    others = [source for name, source in known_sources(setup.scene).items() if name not in trials.budget.sources]
+    found = {one.source.name: one for one in sensitivities(design, others, procedure=trials.procedure)}
+    found |= own_sensitivities(trials)
+    budget = trials.budget
     if not budget.sources:
         return ErrorBudget(trials, found, None, None, trial, None, None)
     own = {name: found[name] for name in budget.sources}
     allowed = None
     if budget.allow_nm is not None:
-        allowed = tolerances(QuadraticError(design, own, budget.sources), budget.allow_nm)
-    linear, spread = linear_budget(design, own, budget.sources), monte_carlo(trials, done)
+        allowed = tolerances(QuadraticError(design, own, budget.sources, joint=trials.joint), budget.allow_nm)
+    linear, spread = linear_budget(design, own, budget.sources, trials.joint), monte_carlo(trials, done)
     try:
         rows, why = ledger(trials, trial), ""
-    except NotMeasured as error:
+    except NotMeasuredError as error:
         rows, why = None, str(error)
     return ErrorBudget(trials, found, linear, spread, trial, rows, allowed, why)
+
+
+def own_sensitivities(trials: Trials) -> dict[str, Sensitivity]:
+    """Of the budget's sources by name, with enough draws of processes for intervals."""
+    processes = sum(source.is_process for source in trials.sources)
+    draws = max(DRAWS, min(MANY_DRAWS, MOST_MAPS // max(processes, 1)))
+    return {one.source.name: one for one in sensitivities(trials.design, trials.sources, draws, trials.procedure)}

@@ -26,6 +26,7 @@ class Brightness:
     unit: str = ""
     usual: float = 0.1
     is_process: bool = False
+    stays: bool = True
 
     @property
     def name(self) -> str:

@@ -26,6 +26,7 @@ class Geometry:
     text: str
     usual: float
     is_process: bool = False
+    stays: bool = True
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places, exact for any value."""

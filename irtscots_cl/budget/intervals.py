@@ -16,6 +16,7 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import qmc
 
+from irtscots_cl.budget.joint import NONE, Joint
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.sensitivity import NM, NOLLS, Sensitivity, zernike_basis
 from irtscots_cl.budget.trials import CENTRE, quantile
@@ -41,24 +42,34 @@ class Interval:
 
 @dataclass(frozen=True)
 class ErrorSamples:
-    """The errors of a budget on some of a design's pixels. used: [n] of them."""
+    """The errors of a budget on some of a design's pixels. used: [n] of them. joint: sources that vary together."""
 
     design: MeasuredDesign = field(repr=False)
     found: Mapping[str, Sensitivity] = field(repr=False)
     given: Mapping[str, Distribution]
     used: BoolArray = field(repr=False)
+    joint: Joint = NONE
     _made: dict[tuple[int, ...], tuple[FloatArray, FloatArray, FloatArray]] = field(default_factory=dict, repr=False)
 
     @cached_property
     def _parts(self) -> tuple[FloatArray, FloatArray]:
         """Maps [parts, used] in mm and their values [samples, parts]."""
-        maps, columns, dimensions = [], [], 0
+        maps: list[FloatArray] = []
+        columns: list[tuple[Distribution | None, bool, range]] = []
+        dimensions = 0
         for name, given in sorted(self.given.items()):
+            if name in self.joint.names:
+                continue
             height = np.atleast_2d(self.found[name].height_mm)[:, self.used] * given.size
             process = self.found[name].source.is_process
             maps.append(height / math.sqrt(len(height)) if process else height)
             columns.append((given, process, range(dimensions, dimensions + len(height))))
             dimensions += len(height)
+        if self.joint.names:
+            together = np.stack([self.found[name].height_mm[self.used] for name in self.joint.names])
+            maps.append(self.joint.independent(together))
+            columns.append((None, True, range(dimensions, dimensions + len(together))))
+            dimensions += len(together)
         if not dimensions:
             return np.zeros((0, int(self.used.sum()))), np.zeros((1, 0))
         sequence = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(0))
@@ -66,7 +77,7 @@ class ErrorSamples:
         values = np.empty_like(shares)
         for given, process, where in columns:
             part = shares[:, where]
-            values[:, where] = ndtri(part) if process else quantile(given, part) / given.size
+            values[:, where] = ndtri(part) if process or given is None else quantile(given, part) / given.size
         return np.concatenate(maps), values
 
     @cached_property
@@ -103,6 +114,8 @@ class ErrorSamples:
             root = np.sqrt(np.maximum(across**2 + size * (size - square), 0.0))
             shrink = np.maximum((root - across) / size, 0.0)
         left = own @ own - 2 * shrink * (errors @ inside) - np.sum(errors**2, -1)
+        if not size > 0:  # heights that have nothing of the error: the true ones have all of it
+            left = own @ own + np.sum(errors**2, -1)
         found = np.sqrt(np.maximum(left, 0.0) / len(own)) * NM
         low, middle, high = np.quantile(found, ((1 - coverage) / 2, 0.5, (1 + coverage) / 2))
         return Interval(float(middle), float(low), float(high))

@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from irtscots_cl.budget.trials import NotMeasured, Trials
+from irtscots_cl.budget.trials import Trials
 from irtscots_cl.maths.arrays import FloatArray
 
 COARSE = 32  # pixels per axis, on which the second-order parts are found: they are smooth
@@ -42,7 +42,7 @@ class Ledger:
 def ledger(trials: Trials, trial: int, order: Sequence[str] | None = None) -> Ledger:
     """The ledger of a trial. order: names in which they are switched on, by default alphabetical.
 
-    Raises NotMeasured for a trial that cannot be measured, or only some of whose sources can.
+    Raises NotMeasuredError for a trial that cannot be measured, or only some of whose sources can.
     """
     values = trials.values_of(trial)
     names = tuple(order or values)
@@ -54,7 +54,7 @@ def ledger(trials: Trials, trial: int, order: Sequence[str] | None = None) -> Le
 
 def _second_order(trials: Trials, trial: int, values: Mapping[str, float]) -> dict[str, float]:
     """The most in mm that other sources change in each source's row."""
-    coarse = Trials(trials.design.coarse(COARSE), trials.budget, trials.sources)
+    coarse = trials.coarse(COARSE)
     alone = dict(zip(values, _heights(coarse, trial, [{name: value} for name, value in values.items()]), strict=True))
     pairs = list(combinations(values, 2))
     both = _heights(coarse, trial, [{a: values[a], b: values[b]} for a, b in pairs])
@@ -71,9 +71,5 @@ def _heights(trials: Trials, trial: int, sets: Sequence[Mapping[str, float]]) ->
     found = np.zeros((len(sets), trials.design.count))
     for first in range(0, len(sets), AT_ONCE):
         part = sets[first : first + AT_ONCE]
-        changes = np.stack([trials.seen_changes_mm(trial, on) for on in part])
-        try:
-            found[first : first + len(part)] = trials.design.heights_mm(changes)
-        except ValueError as error:  # heights that run away
-            raise NotMeasured(str(error)) from None
+        found[first : first + len(part)] = trials.heights_mm([(trial, on) for on in part])
     return found

@@ -32,11 +32,13 @@ class LineShares:
 
     first: [n] the first line of each window, which may lie beyond the screen. share: [n, lines] of the light from the
     screen that a pixel sees, in each line; the sum is 1. away_mm: [n, lines] the lines' places less their centroid.
+    on_screen: [n] share of a pixel's light that comes from the screen.
     """
 
     first: IntArray
     share: FloatArray = field(repr=False)
     away_mm: FloatArray = field(repr=False)
+    on_screen: FloatArray = field(repr=False)
 
     @property
     def lines(self) -> IntArray:
@@ -124,4 +126,5 @@ class LightSample:
         lit = np.where((lines >= 0) & (lines < screen.pixels[axis]), lit, 0)
         share = lit / np.maximum(lit.sum(-1, keepdims=True), 1)
         place = (lines + 0.5 - screen.pixels[axis] / 2) * screen.pitch_xy_mm[axis]
-        return LineShares(first, share, place - np.sum(place * share, -1, keepdims=True))
+        away = place - np.sum(place * share, -1, keepdims=True)
+        return LineShares(first, share, away, lit.sum(-1) / POINTS)

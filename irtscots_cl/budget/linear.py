@@ -2,18 +2,19 @@
 
 With independent values x of variance s^2 and height maps H per unit, the error is sum x H + processes. Its mean square
 Q = sum_ij x_i x_j G_ij, G the maps' products, has an exact variance, whose parts are the Sobol indices of Q (Sobol,
-Math. Comput. Simul. 55 (2001) 271) for the linear test.
+Math. Comput. Simul. 55 (2001) 271) for the linear test. Joint sources are first made independent (budget/joint.py).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from irtscots_cl.budget.joint import NONE, Joint
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.sensitivity import NM, Sensitivity, zernike_coefficients
+from irtscots_cl.budget.sensitivity import NM, NOLLS, Sensitivity, zernike_coefficients
 from irtscots_cl.calibration.height_response import LEFT_AFTER
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.error_sources import Distribution
@@ -37,61 +38,79 @@ class LinearBudget:
     total: dict[str, float]
 
 
+@dataclass(frozen=True)
+class _Part:
+    """Sources that vary by themselves: one, or all joint ones. maps: [rows, n] height of one standard deviation each;
+    of draws of a process, or of independent numbers that act together."""
+
+    names: tuple[str, ...]
+    maps: FloatArray
+    kind: str
+    is_process: bool
+
+    @property
+    def share(self) -> float:
+        """Of each row in the variance."""
+        return 1 / len(self.maps) if self.is_process else 1.0
+
+
 def linear_budget(
-    design: MeasuredDesign, found: Mapping[str, Sensitivity], given: Mapping[str, Distribution]
+    design: MeasuredDesign, found: Mapping[str, Sensitivity], given: Mapping[str, Distribution], joint: Joint = NONE
 ) -> LinearBudget:
-    """found, given: of the same names."""
+    """found, given: of the same names. joint: those of them that vary together."""
     nm = {name: found[name].left_nm * distribution.sigma for name, distribution in given.items()}
-    total = np.sqrt(sum((values**2 for values in nm.values()), start=np.zeros(len(LEFT_AFTER))))
-    variance, covariance = np.zeros(design.count), np.zeros((0, 0))
-
-    def without(name: str) -> FloatArray:
-        """Maps [1 or draws, n] of a source's standard deviation."""
-        height = np.atleast_2d(found[name].height_mm) * given[name].sigma
-        return design.response.without(height, LEFT_AFTER[0])
-
-    for name, distribution in given.items():
-        variance = variance + np.mean(without(name) ** 2, axis=0)
-        terms = _terms(design, found[name], distribution)
-        covariance = terms if not covariance.size else covariance + terms
-    first, of_all = _sobol(without, given, found)
-    return LinearBudget(nm, total, covariance, np.sqrt(variance), first, of_all)
+    total, variance = np.zeros(len(LEFT_AFTER)), np.zeros(design.count)
+    covariance = np.zeros((len(NOLLS), len(NOLLS)))
+    parts = _parts(found, given, joint)
+    for part in parts:
+        total = total + part.share * np.sum((design.response.left(part.maps) * NM) ** 2, axis=0)
+        variance = variance + part.share * np.sum(design.response.without(part.maps, LEFT_AFTER[0]) ** 2, axis=0)
+        terms = zernike_coefficients(design, part.maps) * NM
+        covariance = covariance + part.share * terms.T @ terms
+    first, of_all = _sobol(design, parts)
+    return LinearBudget(nm, np.sqrt(total), covariance if parts else np.zeros((0, 0)), np.sqrt(variance), first, of_all)
 
 
-def _terms(design: MeasuredDesign, one: Sensitivity, distribution: Distribution) -> FloatArray:
-    """Covariance [terms, terms] in nm^2 of the Zernike terms by a source."""
-    terms = np.atleast_2d(zernike_coefficients(design, one.height_mm)) * NM * distribution.sigma
-    covariance: FloatArray = terms.T @ terms / len(terms)
-    return covariance
+def _parts(found: Mapping[str, Sensitivity], given: Mapping[str, Distribution], joint: Joint) -> list[_Part]:
+    parts = [
+        _Part((name,), np.atleast_2d(found[name].height_mm) * one.sigma, one.kind, found[name].source.is_process)
+        for name, one in given.items()
+        if name not in joint.names
+    ]
+    if joint.names:
+        together = np.stack([found[name].height_mm for name in joint.names])
+        parts.append(_Part(joint.names, joint.independent(together), "normal", False))
+    return parts
 
 
-def _sobol(
-    maps: Callable[[str], FloatArray], given: Mapping[str, Distribution], found: Mapping[str, Sensitivity]
-) -> tuple[dict[str, float], dict[str, float]]:
-    """First and total indices of the mean square. maps: name -> [1 or draws, n], of one standard deviation.
+def _sobol(design: MeasuredDesign, parts: list[_Part]) -> tuple[dict[str, float], dict[str, float]]:
+    """First and total indices of the mean square, by name; joint sources have those of all of them.
 
     A process's mean square hardly varies: it counts with the variance over its draws.
     """
-    parameters = [name for name in given if not found[name].source.is_process]
-    processes = [name for name in given if found[name].source.is_process]
-    own = np.concatenate([maps(name) for name in parameters]) if parameters else np.zeros((0, 1))
-    gram = own @ own.T / own.shape[1]
-    alone = {name: float(gram[k, k] ** 2 * EXCESS[given[name].kind]) for k, name in enumerate(parameters)}
-    mixed = dict.fromkeys(given, 0.0)
-    pairs = 0.0
-    for k, name in enumerate(parameters):
-        others = 4 * gram[k] ** 2
-        mixed[name] += float(others.sum() - others[k])
-        pairs += float(others[k + 1 :].sum())
-    for process in processes:
-        draws = maps(process)  # one process at a time: these are many
-        alone[process] = float(np.var(np.mean(draws**2, axis=1), ddof=1))
-        cross = 4 * np.mean((draws @ own.T / draws.shape[1]) ** 2, axis=0) if parameters else np.zeros(0)
-        for name, value in zip(parameters, cross.tolist(), strict=True):
-            mixed[name] += value
-            mixed[process] += value
-            pairs += value
-    whole = sum(alone.values()) + pairs
+    names = [name for part in parts for name in part.names]
+    maps = [design.response.without(part.maps, LEFT_AFTER[0]) for part in parts]
+    variance = np.zeros((len(parts), len(parts)))
+    for k, (part, own) in enumerate(zip(parts, maps, strict=True)):
+        variance[k, k] = _alone(part, own)
+        for j in range(k):
+            if not (part.is_process and parts[j].is_process):
+                squares = np.sum((own @ maps[j].T / own.shape[1]) ** 2)
+                variance[k, j] = variance[j, k] = 4 * part.share * parts[j].share * squares
+    whole = float(np.triu(variance).sum())
     if not whole > 0:
-        return dict.fromkeys(given, 0.0), dict.fromkeys(given, 0.0)
-    return {name: alone[name] / whole for name in given}, {name: (alone[name] + mixed[name]) / whole for name in given}
+        return dict.fromkeys(names, 0.0), dict.fromkeys(names, 0.0)
+    first, total = np.diag(variance) / whole, variance.sum(1) / whole
+    return (
+        {name: float(first[k]) for k, part in enumerate(parts) for name in part.names},
+        {name: float(total[k]) for k, part in enumerate(parts) for name in part.names},
+    )
+
+
+def _alone(part: _Part, maps: FloatArray) -> float:
+    """Variance of the mean square by one part alone."""
+    if part.is_process:
+        return float(np.var(np.mean(maps**2, axis=1), ddof=1))
+    gram = maps @ maps.T / maps.shape[1]
+    own = np.diag(gram) ** 2
+    return float(EXCESS[part.kind] * own.sum() + 2 * (np.sum(gram**2) - own.sum()))

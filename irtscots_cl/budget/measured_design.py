@@ -14,11 +14,13 @@ import numpy as np
 
 from irtscots_cl.budget.frames import Frames, FringeFrames, LineFrames
 from irtscots_cl.budget.light_sample import LightSample
+from irtscots_cl.budget.ray_bends import RayBends
 from irtscots_cl.calibration.height_response import HeightResponse
 from irtscots_cl.calibration.seen_pixels import SeenPixels, seen_pixels
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.reconstruction import surface_of
 from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.error_sources import Air
 
 METHOD = "southwell"
 
@@ -27,24 +29,27 @@ METHOD = "southwell"
 class MeasuredDesign:
     """A design with the n pixels on which it is judged. seen: their grid [rows, columns].
 
-    fringes: numbers of periods over the screen and steps; None for scans of single lines. derivatives: of the places by
-    numbers of the geometry, as they are asked for.
+    fringes: numbers of periods over the screen and steps; None for scans of single lines. air: on the rays' way.
+    derivatives: of the places by single numbers, as they are asked for.
     """
 
     setup: Setup
     seen: SeenPixels = field(repr=False)
     fringes: tuple[tuple[float, ...], int] | None = None
+    air: Air = field(default_factory=Air)
     derivatives: dict[str, FloatArray] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
-    def of(cls, setup: Setup, fringes: tuple[tuple[float, ...], int] | None = None) -> MeasuredDesign:
+    def of(
+        cls, setup: Setup, fringes: tuple[tuple[float, ...], int] | None = None, air: Air | None = None
+    ) -> MeasuredDesign:
         """Of a set-up's design. Raises the errors of seen_pixels."""
         nominal = setup.nominal
-        return cls(nominal, seen_pixels(nominal), fringes)
+        return cls(nominal, seen_pixels(nominal), fringes, air or Air())
 
     def coarse(self, most_per_axis: int) -> MeasuredDesign:
         """The same on fewer pixels."""
-        return MeasuredDesign(self.setup, seen_pixels(self.setup, most_per_axis), self.fringes)
+        return MeasuredDesign(self.setup, seen_pixels(self.setup, most_per_axis), self.fringes, self.air)
 
     @property
     def count(self) -> int:
@@ -66,6 +71,11 @@ class MeasuredDesign:
     def light(self) -> LightSample:
         """What the pixels see of the screen."""
         return LightSample.of(self.setup, self.seen)
+
+    @cached_property
+    def bends(self) -> RayBends:
+        """What bends of the chief rays on their way do to the places."""
+        return RayBends.of(self.setup, self.seen)
 
     @cached_property
     def frames(self) -> Frames:

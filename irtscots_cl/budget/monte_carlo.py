@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from irtscots_cl.budget.sensitivity import NM, NOLLS, zernike_coefficients
-from irtscots_cl.budget.trials import NotMeasured, Trials
+from irtscots_cl.budget.trials import NotMeasuredError, Trials
 from irtscots_cl.calibration.height_response import LEFT_AFTER
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.scene.validation import SceneError
@@ -81,8 +81,8 @@ def monte_carlo(trials: Trials, done: Callable[[int], None] = lambda count: None
     if measured < 2:
         first, why = next(iter(failed.items()))
         raise SceneError(
-            f"{design.setup.scene.name}: budget.sources: {len(failed)} of {count} trials cannot be measured; must leave "
-            f"at least 2. Trial {first}: {why}"
+            f"{design.setup.scene.name}: budget.sources: {len(failed)} of {count} trials cannot be measured; must "
+            f"leave at least 2. Trial {first}: {why}"
         )
     mean = total / measured
     variance = np.maximum(squares - measured * mean**2, 0.0) / (measured - 1)
@@ -91,20 +91,11 @@ def monte_carlo(trials: Trials, done: Callable[[int], None] = lambda count: None
 
 def _measured(trials: Trials, numbers: Sequence[int], failed: dict[int, str]) -> tuple[list[int], FloatArray]:
     """The trials of some numbers that can be measured, and their heights [trials, n]; the others go to ``failed``."""
-    kept, changes = [], []
-    for number in numbers:
-        try:
-            changes.append(trials.seen_changes_mm(number))
-            kept.append(number)
-        except NotMeasured as error:
-            failed[number] = str(error)
-    if not kept:
-        return [], np.zeros((0, trials.design.count))
     try:
-        return kept, trials.design.heights_mm(np.stack(changes))
-    except ValueError as error:  # of one of them, whose heights run away
-        if len(kept) == 1:
-            failed[kept[0]] = str(error)
+        return list(numbers), trials.heights_mm([(number, None) for number in numbers])
+    except NotMeasuredError as error:
+        if len(numbers) == 1:
+            failed[numbers[0]] = str(error)
             return [], np.zeros((0, trials.design.count))
-    alone = [_measured(trials, [number], failed) for number in kept]
+    alone = [_measured(trials, [number], failed) for number in numbers]
     return [number for one, _ in alone for number in one], np.concatenate([heights for _, heights in alone])

@@ -25,6 +25,7 @@ class Vibration:
 
     of: Geometry
     is_process: bool = True
+    stays: bool = False
 
     @property
     def name(self) -> str:
@@ -45,7 +46,7 @@ class Vibration:
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
         x_frames, y_frames = design.frames.counts
-        shifts = value * normal(draw.seed, stream_of(self.name), (draw.trial, 0), x_frames + y_frames)
+        shifts = value * normal(draw.seed, stream_of(self.name), (draw.trial, draw.repeat), x_frames + y_frames)
         return _moved(design, self.of, shifts)
 
 
@@ -55,6 +56,7 @@ class Drift:
 
     of: Geometry
     is_process: bool = False
+    stays: bool = True
 
     @property
     def name(self) -> str:

@@ -21,10 +21,11 @@ class PlaceNoise:
     text: str = "noise of each place on the screen"
     usual: float = 1e-3
     is_process: bool = True
+    stays: bool = False
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
-        numbers = normal(draw.seed, stream_of(self.name), (draw.trial, 0), 2 * design.count)
+        numbers = normal(draw.seed, stream_of(self.name), (draw.trial, draw.repeat), 2 * design.count)
         return value * numbers.reshape(2, -1)
 
 
@@ -40,10 +41,11 @@ class PhotonNoise:
     text: str = "shot noise of the light curves' centroids"
     usual: float = 1e-2
     is_process: bool = True
+    stays: bool = False
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
         width = np.sqrt(np.einsum("iin->in", design.light.covariance_mm2))
-        numbers = normal(draw.seed, stream_of(self.name), (draw.trial, 0), 2 * design.count)
+        numbers = normal(draw.seed, stream_of(self.name), (draw.trial, draw.repeat), 2 * design.count)
         found: FloatArray = value * width * numbers.reshape(2, -1)
         return found

@@ -22,6 +22,7 @@ class PixelBrightness:
     text: str = "factor on each pixel of the screen, uniform within 1 +- value"
     usual: float = 0.1
     is_process: bool = True
+    stays: bool = True
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial: of the mean of what a pixel sees, weighted; NaN for a
@@ -32,6 +33,25 @@ class PixelBrightness:
         if value > 1:  # less than no light
             return np.full((2, design.count), np.nan)
         return weighted(design, factor.reshape(rows, columns))
+
+
+@dataclass(frozen=True)
+class DeadPixels:
+    """Pixels of the screen that are dark, each with the same chance. value: root of their share, which effects grow
+    with. A pixel of the detector that sees dead ones alone keeps its place."""
+
+    name: str = "screen.dead_pixels"
+    unit: str = "sqrt(share)"
+    text: str = "dead pixels of the screen: root of their share"
+    usual: float = 0.03
+    is_process: bool = True
+    stays: bool = True
+
+    def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
+        """Changes (du, dv) [2, n] of the places in one trial."""
+        columns, rows = design.setup.scene.screen.pixels
+        even = uniform(draw.seed, stream_of(self.name), (draw.trial, 0), columns * rows)
+        return np.nan_to_num(weighted(design, np.where(even < value**2, 0.0, 1.0).reshape(rows, columns)))
 
 
 def weighted(design: MeasuredDesign, factor: FloatArray) -> FloatArray:
@@ -58,10 +78,11 @@ class FrameBrightness:
     text: str = "relative rms of the screen's brightness from frame to frame"
     usual: float = 1e-2
     is_process: bool = True
+    stays: bool = False
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
-        factors = value * normal(draw.seed, stream_of(self.name), (draw.trial, 0), sum(design.frames.counts))
+        factors = value * normal(draw.seed, stream_of(self.name), (draw.trial, draw.repeat), sum(design.frames.counts))
         return of_frames(design, factors, shift=False)
 
 
@@ -74,6 +95,7 @@ class BrightnessDrift:
     text: str = "relative change of the screen's brightness from the first to the last frame"
     usual: float = 1e-2
     is_process: bool = False
+    stays: bool = True
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from irtscots_cl.budget.geometry import Geometry, geometry_derivatives
 from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.procedure import Procedure
 from irtscots_cl.budget.source import Draw, Source
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.zernike.polynomials import zernike
@@ -45,18 +46,24 @@ class Sensitivity:
     linear_to: float
 
 
-def sensitivities(design: MeasuredDesign, sources: Sequence[Source], draws: int = DRAWS) -> list[Sensitivity]:
-    """Of all sources, from closed-form derivatives of the places where there are any. draws: of each process."""
+def sensitivities(
+    design: MeasuredDesign, sources: Sequence[Source], draws: int = DRAWS, procedure: Procedure | None = None
+) -> list[Sensitivity]:
+    """Of all sources, from closed-form derivatives of the places where there are any. draws: of each process.
+
+    procedure: what is made of the height maps; nothing by default.
+    """
+    procedure = procedure or Procedure(design)
     parameters = [source for source in sources if not source.is_process]
-    found = {one.source.name: one for one in _of_parameters(design, parameters)}
-    found |= {source.name: _of_process(design, source, draws) for source in sources if source.is_process}
+    found = {one.source.name: one for one in _of_parameters(procedure, parameters)}
+    found |= {source.name: _of_process(procedure, source, draws) for source in sources if source.is_process}
     return [found[source.name] for source in sources]
 
 
-def _of_parameters(design: MeasuredDesign, sources: Sequence[Source]) -> list[Sensitivity]:
+def _of_parameters(procedure: Procedure, sources: Sequence[Source]) -> list[Sensitivity]:
     if not sources:
         return []
-    draw = Draw(0, 0)  # parameters take no random numbers
+    design, draw = procedure.design, Draw(0, 0)  # parameters take no random numbers
     names = [source.name for source in sources if isinstance(source, Geometry)]
     exact = dict(zip(names, geometry_derivatives(design, names), strict=True)) if names else {}
     places, both, reached = [], [], []
@@ -71,6 +78,10 @@ def _of_parameters(design: MeasuredDesign, sources: Sequence[Source]) -> list[Se
         reached.append(value)
     heights = design.response.heights_mm(np.stack(places))
     of_both = design.heights_mm(np.stack(both)).reshape(len(sources), 2, -1)
+    heights, of_both = (
+        np.stack([procedure.of_parameter(source, one) for source, one in zip(sources, maps, strict=True)])
+        for maps in (heights, of_both)
+    )
     left = design.response.left(heights) * NM
     terms = zernike_coefficients(design, heights) * NM
     return [
@@ -98,8 +109,10 @@ def _seen(design: MeasuredDesign, source: Source) -> tuple[float, list[FloatArra
 
 
 def _linear_to(usual: float, height_mm: FloatArray, up_down_mm: FloatArray) -> float:
-    """From heights [2, n] at plus and minus a value, the usual one if nothing hinders: the even part grows with its square, the odd's excess with
-    its cube."""
+    """From heights [2, n] at plus and minus a value, the usual one if nothing hinders.
+
+    The even part grows with its square, the odd's excess with its cube.
+    """
     size = float(np.sqrt(np.mean(height_mm**2))) * usual
     even = float(np.sqrt(np.mean((up_down_mm[0] + up_down_mm[1]) ** 2))) / 2
     odd = float(np.sqrt(np.mean(((up_down_mm[0] - up_down_mm[1]) / 2 - height_mm * usual) ** 2)))
@@ -109,8 +122,11 @@ def _linear_to(usual: float, height_mm: FloatArray, up_down_mm: FloatArray) -> f
     return float(usual * min(limits))
 
 
-def _of_process(design: MeasuredDesign, source: Source, draws: int) -> Sensitivity:
-    usual = source.usual
+def _of_process(procedure: Procedure, source: Source, draws: int) -> Sensitivity:
+    design, usual = procedure.design, source.usual
+    first, second = (source.changes_mm(design, usual, Draw(0, k)) for k in range(2))
+    if first.any() and np.array_equal(first, second):  # it takes no random numbers
+        draws = 2
     heights = np.concatenate([
         design.response.heights_mm(
             np.stack([source.changes_mm(design, usual, Draw(0, k)) for k in range(first, min(first + DRAWS, draws))])
@@ -118,9 +134,11 @@ def _of_process(design: MeasuredDesign, source: Source, draws: int) -> Sensitivi
         / usual
         for first in range(0, draws, DRAWS)
     ])  # fmt: skip
+    heights = procedure.of_draws(source, heights)
     squares = design.response.left(heights) ** 2
     left = np.sqrt(squares.mean(0))
-    error = float(squares[:, 0].std(ddof=1) / np.sqrt(draws) / squares[:, 0].mean() / 2)
+    mean = float(squares[:, 0].mean())
+    error = float(squares[:, 0].std(ddof=1) / np.sqrt(draws) / mean / 2) if mean > 0 else 0.0
     terms = np.sqrt(np.mean(zernike_coefficients(design, heights) ** 2, axis=0))
     return Sensitivity(source, heights, left * NM, terms * NM, error, np.inf)
 

@@ -16,10 +16,14 @@ from irtscots_cl.maths.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Draw:
-    """Which random numbers of a process: those of a trial, by seed; the process's own stream comes from its name."""
+    """Which random numbers of a process: those of a trial, by seed; the process's own stream comes from its name.
+
+    repeat: number of the measurement in a trial that has several.
+    """
 
     seed: int
     trial: int
+    repeat: int = 0
 
 
 def stream_of(name: str) -> int:
@@ -30,7 +34,8 @@ def stream_of(name: str) -> int:
 class Source(Protocol):
     """name: as in [budget.sources], such as "camera.x_mm". unit: of its value; "" for a number. text: what it is.
 
-    usual: a value of the usual size, without calibration. is_process: its value is the size of random numbers.
+    usual: a value of the usual size, without calibration. is_process: its value is the size of random numbers. stays:
+    it is the same in every measurement of a test, not another draw.
     """
 
     @property
@@ -43,6 +48,8 @@ class Source(Protocol):
     def usual(self) -> float: ...
     @property
     def is_process(self) -> bool: ...
+    @property
+    def stays(self) -> bool: ...
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places by a value; of a process, by one draw of that size."""

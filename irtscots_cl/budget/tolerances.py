@@ -15,9 +15,10 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import qmc
 
+from irtscots_cl.budget.joint import NONE, Joint
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.sensitivity import NM, Sensitivity
-from irtscots_cl.budget.trials import CENTRE, quantile
+from irtscots_cl.budget.trials import CENTRE, drawn
 from irtscots_cl.calibration.height_response import LEFT_AFTER
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.error_sources import Distribution
@@ -31,72 +32,59 @@ WIDEST = 1e6  # times its size: a source that may be off by more does nothing
 class QuadraticError:
     """Quantiles of the rms height error in nm for any sizes of the sources.
 
-    given: the sources' distributions. remove: terms taken out of the height, one of LEFT_AFTER.
+    given: the sources' distributions. remove: terms taken out of the height, one of LEFT_AFTER. joint: those that vary
+    together.
     """
 
     design: MeasuredDesign = field(repr=False)
     found: Mapping[str, Sensitivity] = field(repr=False)
     given: Mapping[str, Distribution]
     remove: str = LEFT_AFTER[0]
-
-    @cached_property
-    def _names(self) -> tuple[str, ...]:
-        """The parameters, then the processes."""
-        return tuple(sorted(self.given, key=lambda name: (self.found[name].source.is_process, name)))
+    joint: Joint = NONE
 
     @cached_property
     def _parameters(self) -> tuple[str, ...]:
-        return tuple(name for name in self._names if not self.found[name].source.is_process)
+        return tuple(name for name in sorted(self.given) if not self.found[name].source.is_process)
 
     @cached_property
     def _gram(self) -> FloatArray:
-        """Mean products [draws, sources, sources] of the sources' maps of their sizes, nm^2; of each process one draw.
-
-        draws: a power of two, that of all processes; 1 without any.
-        """
-        if not self._names:
-            return np.zeros((1, 0, 0))
-        count = min([len(self.found[name].height_mm) for name in self._names[len(self._parameters) :]], default=1)
-        draws = 2 ** int(math.log2(min(count, POINTS)))
-        maps = {
-            name: self.design.response.without(
-                np.atleast_2d(self.found[name].height_mm)[:draws] * (self.given[name].size * NM), self.remove
-            )
-            for name in self._names
-        }
-        gram = np.empty((draws, len(maps), len(maps)))
-        for i, one in enumerate(maps.values()):
-            for j, other in enumerate(maps.values()):
-                if j >= i:
-                    gram[:, i, j] = gram[:, j, i] = np.einsum("...n,...n->...", one, other) / self.design.count
+        """Mean products [p, p] of the parameters' maps of their sizes, nm^2."""
+        if not self._parameters:
+            return np.zeros((0, 0))
+        maps = np.stack([self.found[name].height_mm * self.given[name].size for name in self._parameters])
+        left = self.design.response.without(maps, self.remove) * NM
+        gram: FloatArray = left @ left.T / left.shape[1]
         return gram
 
     @cached_property
     def _points(self) -> FloatArray:
-        """Values [draws, points, sources] over their sizes; 1 of processes."""
-        names, draws = self._parameters, len(self._gram)
-        ones = len(self._names) - len(names)
+        """Values [points, p] of the parameters over their sizes."""
+        names = self._parameters
         if not names:
-            return np.ones((draws, 1, ones))
+            return np.zeros((1, 0))
         sequence = qmc.Sobol(len(names), scramble=True, rng=np.random.default_rng(0))
         shares = sequence.random_base2(round(math.log2(POINTS))) + CENTRE
-        columns = [quantile(self.given[name], shares[:, k]) / self.given[name].size for k, name in enumerate(names)]
-        values = np.stack([*columns, *[np.ones(POINTS)] * ones], -1)
-        return values.reshape(draws, -1, len(self._names))  # any run of the sequence is even by itself
+        values = drawn(self.given, self.joint, names, shares)
+        return np.stack([values[name] / self.given[name].size for name in names], -1)
 
-    def squares(self, factors: Mapping[str, float] | None = None) -> FloatArray:
-        """Mean squares [samples] in nm^2 with each source's size multiplied by a factor, 1 where none is given."""
-        by = factors or {}
-        points = self._points * np.array([by.get(name, 1.0) for name in self._names])
-        return np.maximum(np.sum((points @ self._gram) * points, -1), 0.0).ravel()
+    @cached_property
+    def _processes(self) -> dict[str, float]:
+        """Mean square in nm^2 of each process."""
+        level = LEFT_AFTER.index(self.remove)
+        return {
+            name: float((self.found[name].left_nm[level] * given.size) ** 2)
+            for name, given in self.given.items()
+            if self.found[name].source.is_process
+        }
 
     def nm(self, factors: Mapping[str, float] | None = None, coverage: float = COVERAGE) -> float:
         """The quantile with each source's size multiplied by a factor, 1 where none is given."""
-        return _quantile(self.squares(factors), coverage)
-
-
-def _quantile(squares: FloatArray, coverage: float) -> float:
-    return float(np.sqrt(np.quantile(squares, coverage)))
+        by = factors or {}
+        scale = np.array([by.get(name, 1.0) for name in self._parameters])
+        points = self._points * scale
+        squares = np.einsum("si,ij,sj->s", points, self._gram, points, optimize=True)
+        squares = squares + sum(by.get(name, 1.0) ** 2 * square for name, square in self._processes.items())
+        return float(np.sqrt(np.quantile(squares, coverage)))
 
 
 @dataclass(frozen=True)
@@ -146,12 +134,8 @@ def tolerances(error: QuadraticError, allow_nm: float, coverage: float = COVERAG
 def _largest(error: QuadraticError, name: str, allow_nm: float, coverage: float) -> float:
     """The factor on a source's size at which the quantile is what is allowed."""
 
-    none, one, two = (error.squares({name: factor}) for factor in (0.0, 1.0, 2.0))
-    curved = (two - 2 * one + none) / 2  # a sample is a quadratic of the factor
-    straight = one - none - curved
-
     def excess(factor: float) -> float:
-        return _quantile(np.maximum(none + factor * (straight + factor * curved), 0.0), coverage) - allow_nm
+        return error.nm({name: factor}, coverage) - allow_nm
 
     if excess(0.0) > 0:
         return 0.0

@@ -11,13 +11,14 @@ between, the test does not say (JCGM 106:2012, guarded acceptance).
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from irtscots_cl.budget.intervals import ErrorSamples, Interval
 from irtscots_cl.budget.sensitivity import NOLLS
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.budget.trials import Trials
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.maths.zernike.indices import noll_to_nm
 
 WAVELENGTH_NM = 546.07
@@ -37,6 +38,34 @@ class Judged:
     limit_nm: float
     interval: Interval
     verdict: str
+
+    @property
+    def guard_nm(self) -> float:
+        """Guard band: how far below the limit the figure must be, to meet it."""
+        return self.interval.high - self.interval.estimate
+
+    @property
+    def missing_nm(self) -> float:
+        """By how much the nearer end of the interval is beyond the limit, where that is not decided; else 0."""
+        if self.verdict != OPEN:
+            return 0.0
+        return min(self.interval.high - self.limit_nm, self.limit_nm - self.interval.low)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A map's figures. source: where it comes from. zernikes, rms: 95 % intervals by Noll index and by RMSt, RMSi,
+    RMSa. judged: the limits asked for. used: [n] of the design's pixels at which the map has a height. warnings: of the
+    map's reader."""
+
+    trials: Trials = field(repr=False)
+    source: str
+    wavelength_nm: float
+    used: BoolArray = field(repr=False)
+    zernikes: dict[int, Interval]
+    rms: dict[str, Interval]
+    judged: tuple[Judged, ...]
+    warnings: tuple[str, ...] = ()
 
 
 def requirements(text: str, wavelength_nm: float = WAVELENGTH_NM) -> dict[str, float]:

@@ -6,12 +6,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from irtscots_cl.cli.common import add_scene, command, print_json, print_tables
+from irtscots_cl.cli.common import DEVICE_HELP, add_scene, command, print_json, print_tables, warn
 from irtscots_cl.cli.progress import Progress, add_quiet
 from irtscots_cl.scene.presets import load_scene
 
 if TYPE_CHECKING:
     from irtscots_cl.budget.assess import ErrorBudget
+    from irtscots_cl.pipeline.simulated_trial import SimulatedTrial
+    from irtscots_cl.scene.model import Scene
 
 
 def add(commands) -> None:
@@ -35,17 +37,49 @@ def add(commands) -> None:
         "source, and what to calibrate first; default: the scene's",
     )
     add_quiet(parser)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="write budget.json, budget.csv and figures there")
+    parser.add_argument(
+        "--images",
+        action="store_true",
+        help="trace and measure the trial as a test, too, and print its error beside the trial's; needs a device",
+    )
+    parser.add_argument(
+        "--rays-per-pixel", type=int, metavar="N", help="with --images: rays per detector pixel; default 16384"
+    )
+    parser.add_argument("--device", metavar="D", help=f"with --images: {DEVICE_HELP}")
+    parser.add_argument(
+        "--result",
+        type=Path,
+        metavar="FILE",
+        help="judge a measured map instead: result.h5 or any that `irtscots map` reads; prints Zernike terms and rms "
+        "values with 95 %% intervals by the scene's error sources",
+    )
+    parser.add_argument(
+        "--require",
+        metavar="TEXT",
+        help='with --result: limits as of ISO 10110-5 in fringes, such as "3/2(0.5/0.2) RMSi<0.05": which are met',
+    )
+    parser.add_argument(
+        "--wavelength-nm", type=float, metavar="W", help="with --require: a fringe is half of it; default 546.07"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="write budget.json, budget.csv, figures, and the scene of --images there",
+    )
 
 
 def _execute(options: argparse.Namespace) -> int:
+    _check(options)
     scene = load_scene(options.scene)
+    if options.result is not None:
+        return _judge(options, scene)
     from dataclasses import replace
 
     from irtscots_cl.budget.assess import assess
-    from irtscots_cl.report.budget import budget_facts, budget_tables
+    from irtscots_cl.report.budget import budget_facts, budget_tables, simulated_table
     from irtscots_cl.scene.error_sources import Budget
-    from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain
+    from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain, write_text
 
     if options.out is not None:
         check_output_folder(options.out, ("budget.json", "budget.csv"), ("figures",))
@@ -61,15 +95,73 @@ def _execute(options: argparse.Namespace) -> int:
     with Progress("trials", options.quiet, "trials") as progress:
         found = assess(scene, budget, options.trial, lambda count: progress(count, budget.trials))
     facts = budget_facts(found)
+    tables = budget_tables(found)
+    if options.images:
+        simulated = _simulated(options, found)
+        from irtscots_cl.pipeline.simulated_trial import simulated_facts
+
+        facts["simulated"] = simulated_facts(simulated)
+        tables.append(simulated_table(facts["simulated"]))
     if options.out is not None:
         with made_folder(options.out):
             _write(found, facts, options.out)
+            if options.images:
+                write_text(options.out / f"{simulated.scene.name}.toml", simulated.scene.to_toml())
     if options.json:
         print_json(plain(facts))
         return 0
-    print_tables(budget_tables(found))
+    print_tables(tables)
     if options.out is not None:
         print(f"results in {options.out}")
+    return 0
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Raises ValueError for options that do not go together."""
+    pairs = (("require", "result"), ("wavelength_nm", "require"), ("rays_per_pixel", "images"), ("device", "images"))
+    for name, needs in pairs:
+        if getattr(options, name) is not None and not getattr(options, needs):
+            raise ValueError(f"--{name.replace('_', '-')}: must be given with --{needs}")
+    if options.wavelength_nm is not None and not 1 <= options.wavelength_nm <= 1e6:
+        raise ValueError(f"--wavelength-nm = {options.wavelength_nm}: must be from 1 to 1e6")
+    if options.result is not None:
+        for name in ("trials", "allow_nm", "images", "out"):
+            if getattr(options, name) not in (None, False):
+                raise ValueError(f"--{name.replace('_', '-')}: must be left out with --result")
+
+
+def _simulated(options: argparse.Namespace, found: ErrorBudget) -> SimulatedTrial:
+    """The trial as a test."""
+    from irtscots_cl.opencl.device import select_devices
+    from irtscots_cl.pipeline.simulated_trial import RAYS_PER_PIXEL, simulate_trial
+
+    if not found.trials.sources:
+        raise ValueError("--images: must have a scene with error sources: give them in [budget.sources]")
+    rays = RAYS_PER_PIXEL if options.rays_per_pixel is None else options.rays_per_pixel
+    return simulate_trial(
+        found.trials, found.trial, rays_per_pixel=rays, device=select_devices(options.device)
+    )  # fmt: skip
+
+
+def _judge(options: argparse.Namespace, scene: Scene) -> int:
+    """The verdict on a measured map."""
+    from irtscots_cl.budget.verdict import WAVELENGTH_NM
+    from irtscots_cl.pipeline.verdict import judge_map
+    from irtscots_cl.report.verdict import verdict_facts, verdict_tables
+    from irtscots_cl.scene.error_sources import Budget
+    from irtscots_cl.system.atomic_files import plain
+
+    require = options.require if options.require is not None else ""
+    if options.require is not None and not require.split():
+        raise ValueError("--require: must have at least one limit")
+    budget = scene.budget or Budget()
+    found = judge_map(scene, budget, options.result, require, options.wavelength_nm or WAVELENGTH_NM)
+    for text in found.warnings:
+        warn(f"{options.result}: {text}")
+    if options.json:
+        print_json(plain(verdict_facts(found)))
+    else:
+        print_tables(verdict_tables(found))
     return 0
 
 

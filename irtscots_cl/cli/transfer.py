@@ -56,6 +56,13 @@ def add(commands) -> None:
         metavar="FILE",
         help="a measured height map, or the result.h5 of this program: its power spectral density, corrected",
     )
+    parser.add_argument(
+        "--remove",
+        metavar="TERMS",
+        default="piston_tilt",
+        help="what is taken out of a --psd map first: none, piston, piston_tilt (default), piston_tilt_power or "
+        "piston_tilt_power_astigmatism",
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help=f"write {FILE} and a figure there")
     add_map_options(parser, "of the light, for diffraction at the camera's aperture; also of a --psd map in waves")
 
@@ -66,7 +73,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.measurement.transfer_function import TransferFunction
     from irtscots_cl.measurement.transfer_spectrum import mirror_psd
     from irtscots_cl.measurement.transfer_summary import summarise
-    from irtscots_cl.pipeline.transfer import read_measured_map
+    from irtscots_cl.pipeline.transfer import doubts_of_low_orders, read_measured_map
     from irtscots_cl.report.transfer import sentences, transfer_facts, transfer_tables, write_transfer_figure
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain, write_json
 
@@ -77,12 +84,12 @@ def _execute(options: argparse.Namespace) -> int:
     found, psd = summarise(transfer, periods, options.direction, place, options.ripple), None
     if options.psd is not None:
         measured, doubts = read_measured_map(options.psd, told_of_map(options))
-        for text in doubts:
+        for text in (*doubts, *doubts_of_low_orders(options.psd, measured, options.remove)):
             warn(text)
-        psd = mirror_psd(transfer, measured, options.floor)
+        psd = mirror_psd(transfer, measured, options.floor, options.remove)
     for text in found.warnings:
         warn(text)
-    facts = plain(transfer_facts(found, psd))
+    facts = plain(transfer_facts(found, psd, options.remove))
     if options.out is not None:
         with made_folder(options.out):
             (options.out / "figures").mkdir(exist_ok=True)

@@ -7,7 +7,7 @@ of the light between the lines.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,22 +20,23 @@ from irtscots_cl.measurement.centroids import poisson_error
 from irtscots_cl.measurement.error_bars import ErrorBars, error_bars, slope_derivatives
 from irtscots_cl.measurement.light_profiles import sampling_error
 from irtscots_cl.measurement.line_edges import uncovered
-from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.measurement.reconstruction import Pair, Reconstruction
 from irtscots_cl.measurement.slopes import deconvolve_pixel
 from irtscots_cl.measurement.systematic_error import SystematicError, systematic_error
 
 SHARPENED = float(np.hypot(7 / 6, 2 / 24))  # by which deconvolve_pixel multiplies the rms of independent noise
 LOST_SHARE = 0.02  # of the pixels: as many without a model leave the rms as it is
 NOISE_DRAWS = 32  # maps of random slopes for the predicted height noise; its own error is a few percent
+FEW_DRAWS, MANY_PIXELS = 8, 2**18  # the same for larger detectors, whose maps take long: twice that error
 
 
 @dataclass(frozen=True)
 class PredictedError:
-    """Predicted rms errors: slopes [rad] as (x, y); heights [mm] with piston and tilt removed.
+    """Predicted rms errors: slopes [rad] as (x, y); heights [mm] of height_mask, with piston and tilt removed.
 
     systematic: of the whole measurement without noise, line sampling included; None where it was not asked for or has
     no model, and then line sampling stands for it. rounding_height_mm: of the device's arithmetic. bound: the height is
-    no estimate but a bound, for the reasons in `why`.
+    no estimate but a bound, for the reasons in `why`. line_sampling: maps of the slope errors [rad] from it.
     """
 
     ray_noise_slope: tuple[float, float]
@@ -46,6 +47,7 @@ class PredictedError:
     rounding_height_mm: float = 0.0
     unresolved_height_mm: float = 0.0
     why: str = ""
+    line_sampling: Pair | None = field(default=None, repr=False, compare=False)
 
     @property
     def bound(self) -> bool:
@@ -90,7 +92,8 @@ def predict_error(
     along_u, along_v = slope_derivatives(result)
     scale = [np.abs(along_u[0]), np.abs(along_v[1])]
     mask = result.mask
-    bias = [_line_sampling(result, scan) * scale[k] for k, scan in enumerate((stack.x, stack.y))]
+    sampled = [_line_sampling(result, scan) for scan in (stack.x, stack.y)]
+    bias = [error * factor for error, factor in zip(sampled, scale, strict=True)]
     noise, heights = _noise(result, stack, scale, bars or error_bars(result))
     known = bool(heights)
     unresolved = _unresolved(result, stack, scale)
@@ -104,6 +107,7 @@ def predict_error(
         rounding_height_mm,
         unresolved,
         _why_bound(result, steady, unresolved) if systematic else "",
+        _slopes_of(result, sampled, (along_u, along_v)),
     )
 
 
@@ -127,7 +131,8 @@ def _noise(
     if not all(np.isfinite(part[mask]).any() for part in noise):
         return noise, []
     random = np.random.default_rng(0)
-    draws = [np.nan_to_num(part) * random.standard_normal((NOISE_DRAWS, *mask.shape)) for part in noise]
+    count = NOISE_DRAWS if mask.size <= MANY_PIXELS else FEW_DRAWS
+    draws = [np.nan_to_num(part) * random.standard_normal((count, *mask.shape)) for part in noise]
     if not result.pixel_average:  # sharpening makes noise of neighbours differ more, which integration evens out
         draws = [deconvolve_pixel(part, mask) for part in draws]
         noise = [part * sharpened for part in noise]
@@ -139,7 +144,7 @@ def _why_bound(result: Reconstruction, steady: SystematicError | None, unresolve
     reasons = []
     if unresolved_mm > 0:
         reasons.append("light narrower than the lines")
-    if steady is None or steady.lost > LOST_SHARE * result.pixels_used:
+    if steady is None or steady.lost > LOST_SHARE * int(result.height_mask.sum()):
         reasons.append("pixels without a model")
     if steady is not None and not steady.settled:
         reasons.append("the measured surface does not explain its own images")
@@ -178,6 +183,17 @@ def _line_sampling(result: Reconstruction, scan: Scan) -> FloatArray:
     error = sampling_error(scan.positions_mm, light, "uv"[axis], centroid, line_width=scan.line_width)
     left.ravel()[light.pixels] += np.nan_to_num(error)
     return left
+
+
+def _slopes_of(result: Reconstruction, places: list[FloatArray], derivatives: tuple[Pair, Pair]) -> Pair | None:
+    """Errors of slope_x, slope_y [rows, columns] in rad from errors of the centroids in mm; None if there are none.
+
+    derivatives: error_bars.slope_derivatives(result).
+    """
+    if not np.any(np.nan_to_num(places)):
+        return None
+    x, y = (places[0] * by_u + places[1] * by_v for by_u, by_v in zip(*derivatives, strict=True))
+    return (x, y) if result.pixel_average else (deconvolve_pixel(x, result.mask), deconvolve_pixel(y, result.mask))
 
 
 def _heights(result: Reconstruction, slope_x: FloatArray, slope_y: FloatArray) -> list[FloatArray]:

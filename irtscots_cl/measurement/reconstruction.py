@@ -101,16 +101,17 @@ class Reconstruction:
         """Maps [draws, rows, columns] of what the joining of islands may have wrong; none where nothing was joined."""
         return np.zeros((0, *self.mask.shape)) if self.islands is None else self.islands.joining_errors()
 
-    def misfit(self, slope_noise: Pair | None = None) -> Misfit:
+    def misfit(self, slope_noise: Pair | None = None, systematic: Pair | None = None) -> Misfit:
         """The part of the slopes that no surface has (maths.integration.misfit), beside that of their noise.
 
         slope_noise: standard errors of slope_x, slope_y [rows, columns] in rad; by default the replicates' scatter.
+        systematic: predicted errors of them besides noise, as PredictedError.line_sampling.
         """
         own = self.setup.chief_rays.surface.gradient(self.x_mm, self.y_mm)
         extra_x, extra_y = self.slope_x - own[0], self.slope_y - own[1]
         noise = np.stack(slope_noise or [jackknife_error(self.estimates(f"slope_{axis}")) for axis in "xy"])
         noise_x, noise_y = noise if np.isfinite(noise[:, self.mask]).all() else (None, None)
-        return integration_misfit(self.x_mm, self.y_mm, extra_x, extra_y, self.mask, noise_x, noise_y)
+        return integration_misfit(self.x_mm, self.y_mm, extra_x, extra_y, self.mask, noise_x, noise_y, systematic)
 
     def white_slope_noise(self) -> float:
         """Standard error [rad] of the slopes if white noise alone makes their misfit; NaN for a mask without a loop."""
@@ -172,7 +173,7 @@ def reconstruct(
     convert them to the pixels' centres (slopes.deconvolve_pixel). min_coverage: smallest share of a pixel's footprint
     that must lie on the mirror. threshold: see light_curves.effective_screen_pixels. estimates: of this stack's scans.
 
-    Raises ValueError if the stack does not match the scene or fewer than MIN_PIXELS pixels can be used.
+    Raises ValueError if the stack does not match the scene or fewer than MIN_PIXELS pixels can be used or are joined.
     """
     if light_curve not in LIGHT_CURVES:
         raise ValueError(f"light_curve = {light_curve!r}: must be one of {', '.join(LIGHT_CURVES)}")
@@ -201,12 +202,19 @@ def reconstruction_of(
 ) -> Reconstruction:
     """The surface from centroids (u, v) [1 + replicates, rows, columns] in mm, of the pixels in the mask.
 
-    points: of the design, as from design_points. found: other fields of the Reconstruction.
+    points: of the design, as from design_points. found: other fields of the Reconstruction. Raises ValueError if fewer
+    than MIN_PIXELS pixels have heights that are known against each other.
     """
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in points)
     slope_x, slope_y, deviation, islands = surface_of(
         setup.chief_rays, (x_mm, y_mm), (u_mm, v_mm), mask, centroid, method, pixel_average
     )
+    joined = int(islands.main.sum())
+    if joined < MIN_PIXELS:
+        raise ValueError(
+            f"scene {setup.scene.name}: the {mask.sum()} usable pixels lie in islands, of which the largest joined "
+            f"group has {joined}; must be at least {MIN_PIXELS}"
+        )
     return Reconstruction(
         setup=setup,
         method=method,

@@ -12,12 +12,13 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from numpy.typing import NDArray
 
 from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
-from irtscots_cl.maths.zernike.fit import smoothing_matrix
+from irtscots_cl.maths.zernike.fit import applied, large_smoothing_matrix, smoothing_matrix
 from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_profiles import sampled_centroids
@@ -30,6 +31,8 @@ from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 
+Fit = NDArray[np.floating]
+MANY_NUMBERS = 2**26  # of a fit's matrix: a larger one is held in float32
 MODEL_ORDER = 20  # radial order of the model: finer structure stays in the differences
 PIXELS_PER_TERM = 8  # at least, so that the model does not follow the noise
 
@@ -56,7 +59,7 @@ def refine(result: Reconstruction, stack: ImageStack, *, rounds: int = 4, tolera
     return result
 
 
-def zernike_fit(result: Reconstruction, order: int | None = None, pixels_per_term: int | None = None) -> FloatArray:
+def zernike_fit(result: Reconstruction, order: int | None = None, pixels_per_term: int | None = None) -> Fit:
     """Matrix [terms, pixels used] from heights to coefficients of Noll terms 1, 2, ... by least squares over the mask.
 
     Combinations of terms that the mask cannot separate are omitted. Groups of islands have pistons of their own.
@@ -65,9 +68,12 @@ def zernike_fit(result: Reconstruction, order: int | None = None, pixels_per_ter
     """
     radius = result.nominal.mirror.diameter_mm / 2
     order = order_of_model(result.pixels_used, order, pixels_per_term)
-    basis = zernikes(order, result.x_mm[result.mask] / radius, result.y_mm[result.mask] / radius)
+    x, y = result.x_mm[result.mask] / radius, result.y_mm[result.mask] / radius
     apart = result.islands if result.islands is not None and result.islands.groups > 1 else None
-    return smoothing_matrix(basis, None if apart is None else apart.group_map[result.mask] - 1)
+    groups, terms = None if apart is None else apart.group_map[result.mask] - 1, (order + 1) * (order + 2) // 2
+    if terms * x.size > MANY_NUMBERS:
+        return large_smoothing_matrix(lambda part: zernikes(order, x[part], y[part]), terms, x.size, groups)
+    return smoothing_matrix(zernikes(order, x, y), groups)
 
 
 def order_of_model(pixels: int, order: int | None = None, pixels_per_term: int | None = None) -> int:
@@ -89,14 +95,14 @@ def _with_errors_of(new: ScanEstimate, old: ScanEstimate) -> ScanEstimate:
     return dataclasses.replace(new, error_mm=np.where(np.isfinite(new.error_mm), new.error_mm, old.error_mm))
 
 
-def modelled(result: Reconstruction, fit: FloatArray) -> Scene:
+def modelled(result: Reconstruction, fit: Fit) -> Scene:
     """The design with the measured deviation as Zernike terms. fit: see zernike_fit."""
-    mirror, fit_um = result.nominal.mirror, fit @ result.deviation_mm[result.mask] * 1e3
+    mirror, fit_um = result.nominal.mirror, applied(fit, result.deviation_mm[result.mask]) * 1e3
     terms = ZernikeTerms(mirror.diameter_mm / 2, "noll", dict(enumerate(fit_um.tolist(), 1)))
     return dataclasses.replace(result.nominal, mirror=dataclasses.replace(mirror, zernike=(terms,)))
 
 
-def _round(result: Reconstruction, stack: ImageStack, fit: FloatArray) -> Reconstruction:
+def _round(result: Reconstruction, stack: ImageStack, fit: Fit) -> Reconstruction:
     """One round: the model's light curves, and the surface that explains the measured ones."""
     scene, mask = modelled(result, fit), result.mask
     chief = ChiefRays(scene)

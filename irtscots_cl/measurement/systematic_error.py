@@ -20,8 +20,8 @@ from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.line_edges import line_edges, on_lines
-from irtscots_cl.measurement.reconstruction import Reconstruction, reconstruct
-from irtscots_cl.measurement.refinement import modelled, refine, zernike_fit
+from irtscots_cl.measurement.reconstruction import MIN_PIXELS, Reconstruction, reconstruct
+from irtscots_cl.measurement.refinement import Fit, modelled, refine, zernike_fit
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.optics.surface_map import MappedChiefRays, PixelMap
@@ -32,6 +32,7 @@ FINE_ORDER, FINE_PIXELS = 28, 3  # Zernike terms for a surface with fine structu
 NOISE_MAPS, NOISE_ROOM = 2, 2.0  # sharper slopes have more fine noise than the maps: twice the squares
 FINE = 0.3  # of the error and the noise together: smaller fine structure cannot change them by more than 5 %
 LARGE = 0.1  # of the deviation: a larger error is worth a second pass, with the error taken off the surface
+KNOWN_AGAIN = 0.9  # of the pixels: a measurement of fewer does not replace the result
 SETTLED = 0.15  # relative change of the error's rms between passes
 
 
@@ -39,9 +40,9 @@ SETTLED = 0.15  # relative change of the error's rms between passes
 class SystematicError:
     """A predicted error map, without noise. slope: rms (x, y) in rad. height_mm: rms, piston and tilt removed.
 
-    error_mm: [rows, columns] the heights' error, NaN for pixels that the model lacks. settled: whether a further pass
-    would change the rms little; if not, height_mm is the larger of the last two. lost: pixels of the mask that the
-    model lacks.
+    error_mm: [rows, columns] the heights' error, NaN for pixels outside the result's height_mask and for those that the
+    model lacks. settled: whether a further pass would change the rms little; if not, height_mm is the larger of the
+    last two. lost: pixels of height_mask that the model lacks.
     """
 
     slope: tuple[float, float]
@@ -56,9 +57,10 @@ def systematic_error(
 ) -> SystematicError | None:
     """Predict the systematic error of a reconstruction of the stack; None if the model has too few pixels.
 
-    noise_mm: [draws, rows, columns] height maps of the size of the ray noise, which tell what part of the fine
-    structure is noise; None without noise.
+    Of the pixels of height_mask alone: no island without a known piston is in it. noise_mm: [draws, rows, columns]
+    height maps of the size of the ray noise, which tell what part of the fine structure is noise; None without noise.
     """
+    result = _joined_part(result)
     fit, best = zernike_fit(result), result.deviation_mm
     noise = 0.0 if noise_mm is None else float(np.sqrt(np.mean([rms(draw, result.mask) ** 2 for draw in noise_mm])))
     found = _measured_again(result, stack, _zernike_surface(result, fit, best), None)
@@ -99,7 +101,7 @@ def _of_fine_structure(
     result: Reconstruction,
     finer: Reconstruction,
     stack: ImageStack,
-    fit: FloatArray,
+    fit: Fit,
     noise_mm: FloatArray | None,
     limit_mm: float,
 ) -> SystematicError | None:
@@ -128,9 +130,20 @@ def _finer(result: Reconstruction, stack: ImageStack) -> Reconstruction:
     if result.light_curve != "centroid" or result.updates_nm:
         return result
     try:
-        return reconstruct(stack, result.setup, light_curve="chord", method="cubic", pixel_average=False)
+        finer = reconstruct(stack, result.setup, light_curve="chord", method="cubic", pixel_average=False)
     except ValueError:  # of cubic: neighbours at one place
         return result
+    known = finer.height_mask & result.mask
+    if known.sum() < max(MIN_PIXELS, KNOWN_AGAIN * result.pixels_used):  # it joins other islands
+        return result
+    return dataclasses.replace(finer, mask=known, islands=None)
+
+
+def _joined_part(result: Reconstruction) -> Reconstruction:
+    """The result on the pixels of height_mask alone."""
+    if result.islands is None or result.islands.groups == 1:
+        return result
+    return dataclasses.replace(result, mask=result.height_mask, islands=None)
 
 
 def _large(result: Reconstruction, found: SystematicError, noise_mm: float) -> bool:
@@ -139,7 +152,7 @@ def _large(result: Reconstruction, found: SystematicError, noise_mm: float) -> b
     return found.height_mm > max(LARGE * rms(left, result.mask), FINE * noise_mm)
 
 
-def _zernike_surface(result: Reconstruction, fit: FloatArray, target_mm: FloatArray) -> Scene:
+def _zernike_surface(result: Reconstruction, fit: Fit, target_mm: FloatArray) -> Scene:
     """The design with the Zernike terms of a deviation [rows, columns], without piston over the mirror.
 
     A measured deviation has mean zero over the pixels. A mirror whose vertex is where the design has it has none over
@@ -154,7 +167,7 @@ def _zernike_surface(result: Reconstruction, fit: FloatArray, target_mm: FloatAr
 
 def _fine_structure(
     result: Reconstruction,
-    fit: FloatArray,
+    fit: Fit,
     target_mm: FloatArray,
     noise_mm: FloatArray | None,
     limit_mm: float,
@@ -188,7 +201,9 @@ def _measured_again(
         again = same_measurement(result, noise_free_stack(PixelLight.of(chief, np.flatnonzero(mask)), stack))
     except ValueError:  # too few pixels have light in the model
         return None
-    both = mask & again.mask
+    both = mask & again.height_mask
+    if both.sum() < MIN_PIXELS:
+        return None
     truth = chief.surface.deviation_at(x, y)[0] + (0.0 if fine is None else fine)
     slopes = chief.surface.gradient(np.where(both, x, 0.0), np.where(both, y, 0.0))
     error = remove_terms(x, y, again.deviation_mm - truth, both, "piston_tilt")

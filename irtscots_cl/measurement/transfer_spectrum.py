@@ -10,12 +10,15 @@ import numpy as np
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.corrected_spectrum import FLOOR, Aliases, CorrectedPsd, corrected_psd
 from irtscots_cl.maths.integration.rule_symbols import noise_symbol
-from irtscots_cl.maths.low_order import remove_terms
+from irtscots_cl.maths.low_order import TERMS, remove_terms
 from irtscots_cl.maths.map_spectrum import windowed_spectrum
 from irtscots_cl.measurement.prediction import SHARPENED
 from irtscots_cl.measurement.transfer_function import TransferFunction
 
 NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]  # periods of the grid's frequencies
+REMOVED = "piston_tilt"
+LEAK = 0.1  # of a ring's density: more of it from low orders is told
+FIRST_RINGS = 4  # of frequencies: the window spreads low orders over them
 PLACES = 4  # pixels over the mirror whose responses are averaged, of small maps
 MOST_WAVES = 2**17  # of maps that count as small
 
@@ -36,21 +39,55 @@ class MeasuredMap:
     height_error_mm: float = math.nan
     slope_errors: tuple[float, float] = (math.nan, math.nan)
 
+    def left(self, removed: str) -> FloatArray:
+        """The heights [rows, columns] in mm without the low-order terms `removed`, one of low_order.TERMS."""
+        rows, columns = self.heights_mm.shape
+        column, row = np.meshgrid(np.arange(columns), np.arange(rows))
+        x, y = (column * self.column_mm[k] + row * self.row_mm[k] for k in range(2))
+        return remove_terms(x, y, self.heights_mm, np.isfinite(self.heights_mm), removed)
 
-def mirror_psd(transfer: TransferFunction, measured: MeasuredMap, floor: float = FLOOR) -> CorrectedPsd:
-    """The mirror's power spectral density from a measured map's, piston and tilt removed.
+    @property
+    def pitch_mm(self) -> tuple[float, float]:
+        """The distances of the columns and of the rows."""
+        return math.hypot(*self.column_mm), math.hypot(*self.row_mm)
+
+
+@dataclass(frozen=True)
+class WindowLeak:
+    """What power and astigmatism of a map put into its spectrum at higher frequencies: the window is cut at the rim.
+
+    low_mm: their rms in mm. leaked: how many of the `rings` of frequencies have more than LEAK of their density from
+    them, beyond the FIRST_RINGS that they are in themselves.
+    """
+
+    low_mm: float
+    leaked: int
+    rings: int
+
+
+def window_leak(measured: MeasuredMap, removed: str = REMOVED) -> WindowLeak:
+    """The leak of the low orders that are left where the terms `removed`, of low_order.TERMS, are taken out."""
+    left = measured.left(removed)
+    low = left - measured.left(TERMS[-1])
+    whole, part = (windowed_spectrum(heights, measured.pitch_mm) for heights in (left, low))
+    index, count = whole.rings()
+    inside = index >= FIRST_RINGS
+    of_all, of_low = (np.bincount(index[inside], one.density_mm4[inside], count) for one in (whole, part))
+    return WindowLeak(float(np.sqrt(np.nanmean(low**2))), int(np.sum(of_low > LEAK * of_all)), count)
+
+
+def mirror_psd(
+    transfer: TransferFunction, measured: MeasuredMap, floor: float = FLOOR, removed: str = REMOVED
+) -> CorrectedPsd:
+    """The mirror's power spectral density from a measured map's, the terms `removed`, of low_order.TERMS, taken out.
 
     The sampling by lines counts as its mean over the light's places. Raises ValueError for a map without a valid
     height, or a floor that is not between 0 and 1.
     """
     transfer = replace(transfer, lines_averaged=True)
     grid = np.stack([measured.column_mm, measured.row_mm])  # [2, xy]
-    pitch = (float(np.hypot(*grid[0])), float(np.hypot(*grid[1])))
-    rows, columns = measured.heights_mm.shape
-    column, row = np.meshgrid(np.arange(columns), np.arange(rows))
-    x, y = (column * grid[0, k] + row * grid[1, k] for k in range(2))
-    left = remove_terms(x, y, measured.heights_mm, np.isfinite(measured.heights_mm), "piston_tilt")
-    spectrum = windowed_spectrum(left, pitch)
+    pitch = measured.pitch_mm
+    spectrum = windowed_spectrum(measured.left(removed), pitch)
     turns = (
         2
         * np.pi

@@ -22,6 +22,8 @@ from irtscots_cl.system.memory import check_memory
 
 BYTES_PER_PIXEL = 1900  # peak memory while the maps are made; measured
 SUBPIXELS = 16  # per axis, in pixels that the mirror's edge crosses: footprint areas are accurate to about 0.5 %
+MANY_RAYS = 2**20  # traced at once; more rays go in parts of
+RAYS_OF_PART = 2**16  # whose dozens of arrays take little memory and stay near the processor
 RIM = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], -1)
 
 
@@ -87,6 +89,19 @@ class ChiefRays:
         the camera; the rim is ignored) and the places (u, v) on the screen's grid of pixels [mm], which for a flat
         screen is its frame's plane (NaN also where the reflected ray does not come onto the screen's front).
         """
+        row, column, a_mm, b_mm = np.broadcast_arrays(row, column, a_mm, b_mm)
+        if row.size <= MANY_RAYS:
+            return self._reverse(row, column, a_mm, b_mm)
+        points, u, v = np.empty((*row.shape, 3)), np.empty(row.shape), np.empty(row.shape)
+        axis = int(np.argmax(row.shape))
+        step = max(1, RAYS_OF_PART * row.shape[axis] // row.size)
+        for first in range(0, row.shape[axis], step):
+            part = (*(slice(None),) * axis, slice(first, first + step))
+            points[part], u[part], v[part] = self._reverse(row[part], column[part], a_mm[part], b_mm[part])
+        return points, u, v
+
+    def _reverse(self, row, column, a_mm, b_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same for a part of the rays, all arrays of one shape."""
         interruption.check()
         camera, frame = self.scene.camera, self.camera_frame
         image_x, image_y = self.camera_model.image_point(row, column)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
+import os
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ import numpy as np
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.bicubic import BicubicSpline
 from irtscots_cl.optics.departure import polar_points
-from irtscots_cl.optics.map_edges import complete
+from irtscots_cl.optics.map_edges import Aperture, complete
 from irtscots_cl.scene.validation import problem
 from irtscots_cl.system.memory import check_memory
 
@@ -141,11 +142,18 @@ def map_departure(mirror: Mirror) -> MapDeparture:
     leaves open is a MapWarning.
     """
     stamps = tuple(entry.stamp() for entry in mirror.map)
-    return _departure(mirror.map, stamps, mirror.diameter_mm / 2, mirror.obscuration_mm / 2)
+    aperture = Aperture(mirror.diameter_mm / 2, mirror.obscuration_mm / 2, mirror.outline)
+    return _departure(mirror.map, (*stamps, _mask_stamp(mirror)), aperture)
+
+
+def _mask_stamp(mirror: Mirror) -> int | None:
+    """What changes with the file of an outline's picture."""
+    file = None if mirror.outline is None else mirror.outline.file
+    return os.stat(file).st_mtime_ns if file is not None and os.path.isfile(file) else None
 
 
 @functools.lru_cache(maxsize=2)
-def _departure(tables: tuple[MirrorMap, ...], stamps: tuple, radius_mm: float, hole_mm: float) -> MapDeparture:
+def _departure(tables: tuple[MirrorMap, ...], stamps: tuple, aperture: Aperture) -> MapDeparture:
     maps = []
     for number, table in enumerate(tables):
         read = table.read(number)
@@ -153,17 +161,18 @@ def _departure(tables: tuple[MirrorMap, ...], stamps: tuple, radius_mm: float, h
             if text in IDLE:
                 continue
             warnings.warn(f"{_named(table, number)}: {text}", MapWarning, stacklevel=2)
-        maps.append(placed_map(table, read, number, radius_mm, hole_mm))
-    return MapDeparture(tuple(maps), radius_mm)
+        maps.append(placed_map(table, read, number, aperture))
+    return MapDeparture(tuple(maps), aperture.radius_mm)
 
 
-def placed_map(table: MirrorMap, read: HeightMap, number: int, radius_mm: float, hole_mm: float) -> PlacedMap:
+def placed_map(table: MirrorMap, read: HeightMap, number: int, aperture: Aperture) -> PlacedMap:
     """A map as its table places it on a mirror, cut to it, with a height everywhere.
 
     Raises SceneError if it lies beside the mirror, has too many nodes, or lacks heights that it must have.
     """
     assert read.pitch_mm is not None
     matrix, offset = _place(table, read)
+    radius_mm = aperture.radius_mm
     window = [  # nodes from first to last, by column and by row
         (math.floor(at - BESIDE * radius_mm * per_mm) - MARGIN, math.ceil(at + BESIDE * radius_mm * per_mm) + MARGIN)
         for at, per_mm in zip(offset, np.linalg.norm(matrix, axis=1), strict=True)
@@ -183,7 +192,7 @@ def placed_map(table: MirrorMap, read: HeightMap, number: int, radius_mm: float,
     heights = read.heights_mm[low : high + 1, left : right + 1] * table.factor
     shifted = offset - np.array([left, low])
     outer = [(start - first, last - end) for (first, last), (start, end) in zip(window, kept, strict=True)]
-    edge = complete(heights, outer, matrix, shifted, table.outside, radius_mm, hole_mm)
+    edge = complete(heights, outer, matrix, shifted, table.outside, aperture)
     if edge.refused:
         raise problem(_named(table, number), (), edge.text)
     if edge.text:

@@ -5,8 +5,9 @@ Frame: the mirror's x, y. Unit: mm. The device kernels have their own versions (
 
 from __future__ import annotations
 
+import functools
+import os
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,9 @@ from irtscots_cl.scene.outline import corners_mm
 
 if TYPE_CHECKING:
     from irtscots_cl.scene.mirror import Mirror
+    from irtscots_cl.scene.outline import Outline as OutlineTable
 
+LATTICE = 256  # points across a part where what spiders leave is looked for
 ON_EDGE = 1e-9  # of a shape's size: nearer points get the direction of the side, not that from the nearest point
 
 Depth = tuple[FloatArray, FloatArray, FloatArray]
@@ -28,12 +31,12 @@ class Polygon:
 
     points: FloatArray = field(repr=False)
 
-    @cached_property
+    @functools.cached_property
     def sides(self) -> tuple[FloatArray, FloatArray]:
         """Start [n, 2] and vector [n, 2] of each side."""
         return self.points, np.roll(self.points, -1, axis=0) - self.points
 
-    @cached_property
+    @functools.cached_property
     def normals(self) -> FloatArray:
         """Unit normals [n, 2] of the sides, inwards."""
         along = self.sides[1]
@@ -49,6 +52,10 @@ class Polygon:
                 crossed = ((y0 <= y_mm) != (y1 <= y_mm)) & (x_mm < x0 + (y_mm - y0) * ((x1 - x0) / (y1 - y0)))
                 inside ^= crossed
         return inside
+
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """The lowest and the highest (x, y)."""
+        return self.points.min(0), self.points.max(0)
 
     def depth(self, x_mm, y_mm) -> Depth:
         """As Outline.depth."""
@@ -82,6 +89,11 @@ class Ring:
         radius = np.hypot(x_mm - self.x_mm, y_mm - self.y_mm)
         return (radius <= self.outer_mm) & (radius >= self.inner_mm)
 
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """The lowest and the highest (x, y)."""
+        middle = np.array([self.x_mm, self.y_mm])
+        return middle - self.outer_mm, middle + self.outer_mm
+
     def depth(self, x_mm, y_mm) -> Depth:
         """As Outline.depth."""
         away_x, away_y = x_mm - self.x_mm, y_mm - self.y_mm
@@ -114,11 +126,25 @@ class Grid:
                            for place, n in zip(places, (columns, rows), strict=True))  # fmt: skip
         return row, column, within
 
+    def meets(self, radius_mm: float, hole_mm: float) -> bool:
+        """Whether a pixel of the mirror reaches into the disk about 0, 0 beyond its hole."""
+        rows, columns = self.values.shape
+        nearest, farthest = [], []
+        for low, pitch, count in zip(self.low_mm, self.pitch_mm, (columns, rows), strict=True):
+            start = low + pitch * np.arange(count)
+            ends = np.stack([start, start + pitch])
+            nearest.append(np.where(np.prod(ends, 0) <= 0, 0.0, np.abs(ends).min(0)) ** 2)
+            farthest.append(np.abs(ends).max(0) ** 2)
+        reaches = (np.add.outer(nearest[1], nearest[0]) <= radius_mm**2) & (
+            np.add.outer(farthest[1], farthest[0]) >= hole_mm**2
+        )
+        return bool(np.any(reaches & self.values))
+
     def contains(self, x_mm, y_mm) -> BoolArray:
         row, column, within = self._pixel(x_mm, y_mm)
         return np.asarray(self.values[row, column] & within)
 
-    @cached_property
+    @functools.cached_property
     def _steps(self) -> FloatArray:
         """Least distance [rows + 2, columns + 2] in mm of a point of a pixel from the edge: above 0 on the mirror."""
         from scipy.ndimage import distance_transform_edt  # imported late: few mirrors have a picture
@@ -146,6 +172,43 @@ class Grid:
 Part = Polygon | Ring | Grid
 
 
+def _check_left(mirror: Mirror) -> None:
+    """Refuse a mask that lies beside the mirror's disk or in its hole, and spiders that cover all of the mirror."""
+    table = mirror.outline
+    changed = os.stat(table.file).st_mtime_ns if table.is_mask else 0
+    if _is_left(table, mirror.diameter_mm, mirror.obscuration_mm, changed):
+        return
+    if table.is_mask:
+        raise ValueError(
+            f"mirror.outline.file = {table.file!r}: has no pixel on the mirror, a disk of diameter "
+            f"{mirror.diameter_mm:g} mm about 0, 0: must have one (centre_mm, pitch_mm)"
+        )
+    count = len(table.spider)
+    raise ValueError(
+        f"mirror.outline.spider = {count} table{'s' * (count > 1)}: must leave a part of the mirror, and nothing is "
+        f"left at {LATTICE} x {LATTICE} points"
+    )
+
+
+@functools.lru_cache(maxsize=8)
+def _is_left(table: OutlineTable, diameter_mm: float, obscuration_mm: float, changed: int) -> bool:
+    """Whether something is left of the mirror. What spiders leave is looked for where the parts are. changed: when the
+    mask's file was."""
+    outline, radius = Outline.of_table(table, diameter_mm), diameter_mm / 2
+    for part in outline.parts:
+        if isinstance(part, Grid):
+            return part.meets(radius, obscuration_mm / 2)
+    middles = (np.arange(LATTICE) + 0.5) / LATTICE
+    boxes = [part.box() for part in outline.parts if not isinstance(part, Grid)]
+    for low, high in boxes or [(np.full(2, -radius), np.full(2, radius))]:
+        low_x, low_y, high_x, high_y = *np.maximum(low, -radius), *np.minimum(high, radius)
+        x, y = np.meshgrid(low_x + (high_x - low_x) * middles, low_y + (high_y - low_y) * middles)
+        away = np.hypot(x, y)
+        if np.any(outline.contains(x, y) & (away <= radius) & (away >= obscuration_mm / 2)):
+            return True
+    return False
+
+
 @dataclass(frozen=True)
 class Outline:
     """The union of parts, none of them for the whole plane, without the strips.
@@ -159,11 +222,19 @@ class Outline:
 
     @classmethod
     def of(cls, mirror: Mirror) -> Outline | None:
-        """The outline of a scene's mirror; None of one that is a whole disk. Raises ValueError for a mask's file."""
-        outline = mirror.outline
-        if outline is None:
+        """The outline of a scene's mirror; None of one that is a whole disk. Raises ValueError for a mask's file, and
+        where spiders or a mask leave nothing of the mirror."""
+        if mirror.outline is None:
             return None
-        strips = [strip for spider in outline.spider for strip in spider.strips_mm(mirror.diameter_mm)]
+        found = cls.of_table(mirror.outline, mirror.diameter_mm)
+        if found.strips or found.has_grid:
+            _check_left(mirror)
+        return found
+
+    @classmethod
+    def of_table(cls, outline: OutlineTable, diameter_mm: float) -> Outline:
+        """The outline of a table [mirror.outline], on a disk. Raises ValueError for a mask's file."""
+        strips = [strip for spider in outline.spider for strip in spider.strips_mm(diameter_mm)]
         parts: tuple[Part, ...] = tuple(_part(shape) for shape in outline.shapes)
         if outline.is_mask:
             from irtscots_cl.scene.outline_mask import outline_mask  # imported late: few outlines are pictures

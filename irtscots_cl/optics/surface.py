@@ -16,10 +16,10 @@ from irtscots_cl.maths.quadric import Quadric
 from irtscots_cl.optics.departure import Departure, design_departures, deviations
 from irtscots_cl.system import interruption
 
-BEYOND = 1.02  # radius in those of the deviations' disk: from there, beyond any mirror, they count for 0
 if TYPE_CHECKING:
     from irtscots_cl.optics.outline import Outline
 
+BEYOND = 1.02  # radius in those of the deviations' disk: from there, beyond any mirror, they count for 0
 MAX_STEPS = 50  # from the quadric to the surface; each is shorter by the departure's slope times the ray's
 NEAR_MM = 1e-9  # a last step shorter than that leaves far less: slopes of surfaces are small
 

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
 
+from irtscots_cl.maths.bicubic import BicubicSpline
 from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.optics.departure import Departure, ZernikeDeparture
 from irtscots_cl.optics.surface import Surface
 
+TABLE_PIXELS = 2**16  # of a detector: with more, long Zernike series are read from a table
+TABLE_TERMS = 60  # of a series: shorter ones are as fast without
+TABLE_NODES = 800  # along each axis
+TABLE_RADIUS = 1.03  # of the series' disk: rays need it to BEYOND of optics/surface.py
 STEP = 0.05  # pixels, of the differences that give the slopes
 
 
@@ -76,4 +83,25 @@ class MappedChiefRays(ChiefRays):
     @cached_property
     def surface(self) -> MappedSurface:
         own = Surface.of(self.scene.mirror)
+        if self.shape[0] * self.shape[1] > TABLE_PIXELS:
+            own = dataclasses.replace(own, deviation=tuple(tabulated(part) for part in own.deviation))
         return MappedSurface(*(getattr(own, f.name) for f in fields(own)), self.extra)
+
+
+def tabulated(departure: Departure) -> Departure:
+    """A long Zernike series as a cubic spline on an even grid, which is many times faster; others as they are.
+
+    The spline is a surface of its own, near the series to 1e-4 of its highest terms: a simulation on it lacks nothing.
+    """
+    if not isinstance(departure, ZernikeDeparture) or int(departure.series.count.sum()) < TABLE_TERMS:
+        return departure
+    from irtscots_cl.optics.height_map import MapDeparture, PlacedMap  # imported late: few detectors are that large
+
+    reach = TABLE_RADIUS * departure.radius_mm
+    axis = np.linspace(-reach, reach, TABLE_NODES)
+    x, y = np.meshgrid(axis, axis)
+    inward = np.minimum(1.0, reach / np.maximum(np.hypot(x, y), 1e-300))  # beyond its disk a series grows fast
+    spline = BicubicSpline.through(departure.at(x * inward, y * inward)[0])
+    per_mm, middle = 1.0 / (axis[1] - axis[0]), (TABLE_NODES - 1) / 2
+    placed = PlacedMap(spline, ((per_mm, 0.0), (0.0, per_mm)), (middle, middle))
+    return MapDeparture((placed,), departure.radius_mm)

@@ -26,6 +26,10 @@ def budget_facts(found: ErrorBudget) -> dict[str, Any]:
         "every_pixel": trials.design.seen.step,
         "trials": budget.trials,
         "seed": budget.seed,
+        "compensators": list(trials.procedure.compensators),
+        "exposures": trials.procedure.exposures,
+        "mirror_turns": trials.procedure.turns,
+        "calibrated": list(trials.joint.names),
         "sensitivities": [
             {
                 "name": name, "unit": one.source.unit, "nm_per_unit": by_terms(one.left_nm),
@@ -87,7 +91,7 @@ def _sensitivity_table(found: ErrorBudget) -> Table:
          *(f"{nm:.3g}" for nm in one.left_nm * one.source.usual), f"{one.linear_to:.2g}")
         for one in ranked
     ]  # fmt: skip
-    title = "Rms height error in nm of each source at a usual value, with terms removed"
+    title = _said("Rms height error in nm of each source at a usual value, with terms removed", found)
     return Table(title, ("source", "value", *HEAD, "linear to"), rows)
 
 
@@ -95,26 +99,41 @@ def _source_table(found: ErrorBudget) -> Table:
     assert found.linear is not None
     linear, given = found.linear, found.trials.budget.sources
     ranked = sorted(given, key=lambda name: -linear.nm[name][0])
+    star = {name: " *" if name in found.trials.joint.names else "" for name in given}
     rows = [
-        (name, f"{given[name].kind} {given[name].size:.3g} {found.sensitivities[name].source.unit}".strip(),
+        (name + star[name],
+         f"{given[name].kind} {given[name].size:.3g} {found.sensitivities[name].source.unit}".strip(),
          *(f"{nm:.3g}" for nm in linear.nm[name]), f"{100 * linear.total[name]:.1f} %")
         for name in ranked
     ]  # fmt: skip
     title = "What each source costs: rms height error in nm for its standard deviation, with terms removed"
+    if joint := found.trials.joint.names:
+        title += f"; * {len(joint)} vary together as calibrated, share of the spread of all of them"
+    title = _said(title, found)
     return Table(title, ("source", "given", *HEAD, "share of the spread"), rows)
 
 
 def _total_table(found: ErrorBudget) -> Table:
     assert found.linear is not None and found.monte_carlo is not None
     spread = found.monte_carlo
-    rows = [("root of the sum of squares", *(f"{nm:.3g}" for nm in found.linear.total_nm)),
+    first = "root of the sum of squares" if not found.trials.joint.names else "predicted, with what is correlated"
+    rows = [(first, *(f"{nm:.3g}" for nm in found.linear.total_nm)),
             ("rms of the trials", *(f"{nm:.3g}" for nm in spread.root_mean_square_nm)),
             *((f"{100 * share:g} % of the trials below", *(f"{nm:.3g}" for nm in spread.percentile_nm(share)))
               for share in SHARES)]  # fmt: skip
     if spread.failed:
         number, why = next(iter(spread.failed.items()))
-        rows.append((f"{len(spread.failed)} cannot be measured and count as the worst; trial {number}: {why}", *[""] * 4))
-    return Table(f"All together, {found.trials.budget.trials} trials: rms height error in nm", ("", *HEAD), rows)
+        rows.append(
+            (f"{len(spread.failed)} cannot be measured and count as the worst; trial {number}: {why}", *[""] * 4)
+        )
+    title = _said(f"All together, {found.trials.budget.trials} trials: rms height error in nm", found)
+    return Table(title, ("", *HEAD), rows)
+
+
+def _said(title: str, found: ErrorBudget) -> str:
+    """A title with what is made of the heights."""
+    done = found.trials.procedure.text
+    return f"{title}; {done}" if done else title
 
 
 def _ledger_table(found: ErrorBudget) -> Table:
@@ -129,6 +148,7 @@ def _ledger_table(found: ErrorBudget) -> Table:
     ]  # fmt: skip
     rows.append(("sum of the maps", "", *(f"{nm:.3g}" for nm in left(found.ledger.total_mm[None])[0] * NM), ""))
     title = f"Ledger of trial {found.trial}: rms in nm of each source's map; the maps add up to the whole error"
+    title = _said(title, found)
     return Table(title, ("source", "value", *HEAD, "second order, at most"), rows)
 
 
@@ -154,6 +174,21 @@ def _size(value: float, unit: str) -> str:
     if value == 0:
         return "none: the others cost too much"
     return "any" if value == float("inf") else f"{value:.3g} {unit}".strip()
+
+
+def simulated_table(facts: dict[str, Any]) -> Table:
+    """A trial's simulated test beside the trial: facts of pipeline/simulated_trial.py."""
+    rows = [
+        ("the trial's height, of the sources that a scene holds", f"{facts['predicted_nm']:.4g}"),
+        ("simulated: traced, measured, less the design's", f"{facts['simulated_nm']:.4g}"),
+        ("difference of the two", f"{facts['difference_nm']:.3g}"),
+        ("standard error of the simulated one by rays", f"{facts['rays_nm']:.3g}"),
+        ("the design's own error, by measure and rays", f"{facts['design_nm']:.3g}"),
+        ("simulated with the pixels that the rim cuts", f"{facts['with_rim_nm']:.4g}"),
+        ("left out", ", ".join(facts["left_out"]) or "nothing"),
+    ]
+    title = f"Trial {facts['trial']} as a test: rms height error in nm of {facts['pixels']} pixels off the rim"
+    return Table(f"{title}, piston and tilt removed", ("", ""), rows)
 
 
 def budget_rows(found: ErrorBudget) -> list[list[str]]:

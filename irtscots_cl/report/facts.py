@@ -43,7 +43,7 @@ def build_report(
     """The contents of report.json. measure: name of the measurement method. parts: terms of the height
     error, may be empty. seconds: build, trace, reconstruct, total."""
     slopes, heights = comparison.slope_error_urad, comparison.height_error_nm
-    islands, misfit = island_facts(result, comparison.error_mm), misfit_facts(result.misfit())
+    islands, misfit = island_facts(result, comparison.error_mm), result.misfit(systematic=predicted.line_sampling)
     fit = fit_facts(comparison.zernike_fit)
     return {
         "scene": transport.scene.name,
@@ -79,8 +79,8 @@ def build_report(
         "zernike": [cast("ZernikeFacts", dataclasses.asdict(row)) for row in comparison.zernike],
         "zernike_fit": fit,
         "islands": islands,
-        "integration_misfit": misfit,
-        "warnings": quality_warnings(islands, misfit, fit, transport.scene.mirror.obscuration_mm > 0),
+        "integration_misfit": misfit_facts(misfit),
+        "warnings": quality_warnings(islands, misfit_facts(misfit), fit, transport.scene.mirror.obscuration_mm > 0),
     }
 
 

@@ -14,6 +14,7 @@ WORDS = "seen from the camera"
 SIZE = 6.5  # of the letters, in points
 LENGTH = 26  # of the arrow, in points
 FROM = (0.03, 0.03)  # the corner that a round mirror leaves free, in parts of the axes
+MISPLACED = 0.01  # of a map's width: a camera that looks at a slant sees equal steps in mm as unequal ones
 UPRIGHT = 0.999  # cosine of the angle between the mirror's x and the detector's columns: 2.6 degrees
 _OUTLINE = [withStroke(linewidth=2, foreground="white")]  # readable on bright and dark maps
 
@@ -62,7 +63,8 @@ class MapFrame:
     """How a map on the detector's grid is drawn: the part that is shown, its edges on the axes, their labels, and the
     direction of the mirror's +x on the page.
 
-    The axes are the mirror's x and y; where the grid is turned against them, detector columns and rows.
+    The axes are the mirror's x and y; where the grid is turned against them, or a place of theirs would be off by more
+    than MISPLACED, detector columns and rows.
     """
 
     cut: tuple[slice, slice]
@@ -78,8 +80,21 @@ class MapFrame:
         cut = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
         x, y = np.where(mask, x_mm, np.nan), np.where(mask, y_mm, np.nan)
         towards = x_direction(x, y)
-        if towards[0] > UPRIGHT:
-            extent = (np.nanmin(x), np.nanmax(x), np.nanmin(y), np.nanmax(y))
-            return cls(cut, extent, "mirror x [mm]", "mirror y [mm]", towards)
+        (x_ends, x_off), (y_ends, y_off) = _ends(x, axis=1), _ends(y, axis=0)
+        if towards[0] > UPRIGHT and max(x_off, y_off) < MISPLACED:
+            return cls(cut, x_ends + y_ends, "mirror x [mm]", "mirror y [mm]", towards)
         extent = (columns[0] - 0.5, columns[-1] + 0.5, rows[0] - 0.5, rows[-1] + 0.5)
         return cls(cut, extent, "detector column", "detector row", towards)
+
+
+def _ends(places_mm: FloatArray, axis: int) -> tuple[tuple[float, float], float]:
+    """Where the first pixel along the axis begins and the last one ends, on the line that fits the pixels' places; how
+    far places are off that line, but for a pixel, as a share of the whole."""
+    found = np.nonzero(np.isfinite(places_mm))
+    pixel, place = found[axis], places_mm[found]
+    if np.ptp(pixel) == 0:
+        return (float(place.min()), float(place.max())), 0.0
+    line = np.polynomial.Polynomial.fit(pixel, place, 1)
+    first, last = (float(line(end)) for end in (pixel.min() - 0.5, pixel.max() + 0.5))
+    off = np.abs(place - line(pixel)).max() / abs(last - first)
+    return (first, last), max(0.0, float(off) - 1.0 / (np.ptp(pixel) + 1.0))

@@ -14,13 +14,16 @@ from matplotlib.figure import Figure
 
 from irtscots_cl.analysis.comparison import Comparison
 from irtscots_cl.analysis.error_terms import ErrorTerm
-from irtscots_cl.imaging.image_stack import ImageStack
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.imaging.image_stack import ImageStack, Scan
+from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.optics.pixel.chord import chord_cdf
 from irtscots_cl.report.fiducial import MapFrame, mark_x, x_direction
 from irtscots_cl.report.mirror_edge import draw_edge
 from irtscots_cl.system.atomic_files import replacing
+
+LIT = 0.1  # of a light curve's peak over its lowest sample: lines with more are shown
+ALIKE = 2.0  # ratio of two curves' variances up to which they are compared
 
 
 def write_figures(
@@ -50,14 +53,15 @@ def write_figures(
 
 
 def image_figure(stack: ImageStack, towards_x: tuple[float, float] = (1.0, 0.0)) -> Figure:
-    """Camera images under a line at a third and one in the middle of each scan.
+    """Camera images under a line at a third and one in the middle of the lines with light of each scan.
 
     towards_x: direction (column, row) of the mirror's +x.
     """
     figure = Figure(figsize=(10, 8.5), layout="tight")
     for row, scan in zip(figure.subplots(2, 2), (stack.x, stack.y), strict=True):
         count = len(scan.positions_mm)
-        for axes, line in zip(row, (count // 3, count // 2), strict=True):
+        lit = _lit_lines(scan)
+        for axes, line in zip(row, (lit[len(lit) // 3], lit[len(lit) // 2]), strict=True):
             picture = axes.imshow(scan.image(line), origin="lower", cmap="inferno")
             axes.set(
                 title=f"{scan.axis} scan, line {line + 1} of {count} at {scan.positions_mm[line]:.2f} mm",
@@ -67,6 +71,15 @@ def image_figure(stack: ImageStack, towards_x: tuple[float, float] = (1.0, 0.0))
             mark_x(axes, towards_x)
             figure.colorbar(picture, ax=axes, label=f"flux [{scan.unit}]")
     return figure
+
+
+def _lit_lines(scan: Scan) -> IntArray:
+    """Numbers of the lines with light, of all pixels together; all of them where none has any."""
+    count = len(scan.positions_mm)
+    inside = scan.lines < count
+    light = np.bincount(scan.lines[inside], np.nan_to_num(scan.mean_w()[inside]), count)
+    lit = np.flatnonzero(light > LIT / 10 * light.max())
+    return lit if lit.size else np.arange(count)
 
 
 def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
@@ -86,20 +99,38 @@ def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
         position = scan.positions_mm[scan.lines[n][inside]]
         centre = centroid[row, column]
         axes.errorbar(position, curve[inside], error[inside], fmt="o", capsize=3, label="images")
-        line = np.linspace(centre - 0.8 * diameter, centre + 0.8 * diameter, 400)
-        pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else diameter
-        half = pitch * scan.line_width / 2
-        chord = chord_cdf((line - centre + half) / (diameter / 2)) - chord_cdf((line - centre - half) / (diameter / 2))
-        axes.plot(line, chord * (curve.sum() / scan.line_width), "k:", label="Eq. (2), unit magnification")
+        draw_chord(axes, scan, position, curve[inside], centre, diameter)
         axes.axvline(centre, color="tab:red", lw=1, label=f"centroid {centre:.4f} mm")
         axes.set(
             title=f"{scan.axis} scan, pixel [{row}, {column}]",
             xlabel=f"line {scan.axis} on the screen [mm]",
             ylabel=f"flux [{scan.unit}]",
-            xlim=(line[0], line[-1]),
         )
         axes.legend(fontsize=8)
     return figure
+
+
+def draw_chord(axes: Axes, scan: Scan, position: FloatArray, curve: FloatArray, centre: float, diameter: float) -> None:
+    """Show the lines that have light, at least as much as the aperture's image, and the chord of the aperture there.
+
+    The chord is the light of a mirror that is tested near its centre of curvature. Where the pixel's light is much
+    narrower or wider than it, it is left out.
+    """
+    pitch = np.diff(scan.positions_mm).mean() if len(scan.positions_mm) > 1 else diameter
+    half = pitch * scan.line_width / 2
+    above = curve - np.nanmin(curve)
+    lit = above > LIT * np.nanmax(above)
+    if not lit.any():
+        return
+    low = min(centre - 0.8 * diameter, position[lit].min() - 1.5 * pitch)
+    high = max(centre + 0.8 * diameter, position[lit].max() + 1.5 * pitch)
+    axes.set_xlim(low, high)
+    variance = np.average((position[lit] - centre) ** 2, weights=above[lit])
+    of_chord = diameter**2 / 16 + half**2 / 3
+    if of_chord / ALIKE < variance < of_chord * ALIKE:
+        line = np.linspace(low, high, 400)
+        chord = chord_cdf((line - centre + half) / (diameter / 2)) - chord_cdf((line - centre - half) / (diameter / 2))
+        axes.plot(line, chord * (np.nansum(curve) / scan.line_width), "k:", label="Eq. (2), unit magnification")
 
 
 def slope_figure(result: Reconstruction) -> Figure:
@@ -130,7 +161,8 @@ def parts_figure(result: Reconstruction, parts: tuple[ErrorTerm, ...]) -> Figure
     figure = Figure(figsize=(4.6 * columns, 4.0 * rows), layout="tight")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, part in zip(grid, parts, strict=False):
-        _map(figure, axes, result, part.height_mm * 1e6, f"{part.name}: {part.height_nm:.2g} nm rms", "nm", "RdBu_r")
+        name = f"{part.name}:\n{part.height_nm:.2g} nm rms"
+        _map(figure, axes, result, part.height_mm * 1e6, name, "nm", "RdBu_r")
     for axes in grid[len(parts) :]:
         axes.set_axis_off()
     return figure
@@ -141,7 +173,7 @@ def _map(
 ) -> None:
     """One map on the detector's grid, labelled with the mirror coordinates of its rows and columns.
 
-    Where the grid is turned against the mirror it is labelled with rows and columns.
+    Where the grid is turned against the mirror, or seen at a slant, it is labelled with rows and columns.
     """
     limits: dict[str, Any] = {}
     if colours == "RdBu_r":

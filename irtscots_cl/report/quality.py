@@ -57,6 +57,7 @@ def misfit_facts(misfit: Misfit) -> MisfitFacts:
     return {
         "urad_rms": misfit.slope * 1e6,
         "noise_urad_rms": misfit.expected * 1e6,
+        "systematic_urad_rms": misfit.systematic * 1e6,
         "limit_urad_rms": misfit.limit * 1e6,
         "suspicious": misfit.suspicious,
     }
@@ -95,8 +96,8 @@ def _island_check(islands: IslandReport) -> Check:
     alone = islands["pixels_alone"]
     text = (
         f"the mask has {islands['count']} islands in {groups} groups whose pistons against each other are unknown "
-        f"(gaps too wide for the deviation); heights are of the largest group, {islands['pixels_in_heights']} pixels"
-        + (f"; {alone} single pixels have no height" if alone else "")
+        f"(gaps too wide for the deviation); heights and their predicted error are of the largest group, "
+        f"{islands['pixels_in_heights']} pixels" + (f"; {alone} single pixels have no height" if alone else "")
     )
     return Check("islands", WARNING, float(groups), 1.0, 1e-3, text)
 

@@ -19,8 +19,10 @@ NM2_MM2 = 1e12  # of a density in mm^4
 CURVE_STEPS = 300
 
 
-def transfer_facts(found: TransferSummary, psd: CorrectedPsd | None = None) -> dict[str, Any]:
-    """All of it as plain data."""
+def transfer_facts(
+    found: TransferSummary, psd: CorrectedPsd | None = None, removed: str = "piston_tilt"
+) -> dict[str, Any]:
+    """All of it as plain data. removed: terms that were taken out of the map of psd."""
     transfer, geometry = found.transfer, found.geometry
     along_x, along_y, along = found.directions
     facts: dict[str, Any] = {
@@ -50,6 +52,7 @@ def transfer_facts(found: TransferSummary, psd: CorrectedPsd | None = None) -> d
             "aliased": psd.aliased.tolist(),
             "exponent": psd.exponent,
             "window": "hann",
+            "removed": removed,
         }
     return facts
 
@@ -86,12 +89,14 @@ def transfer_tables(found: TransferSummary, psd: CorrectedPsd | None = None) -> 
         values = [f"{getattr(response, name)[0, k]:.4f}" for name in names]
         rows.append((f"{period:.4g}", f"{1 / period:.4g}", *values, over,
                      f"{abs(response.height[0, k]) * found.ripple_nm:.3g}", seen))  # fmt: skip
+    head = ("period [mm]", "1/mm", *names, "over the mirror", f"of {found.ripple_nm:g} nm [nm]", "seen as")
+    if not response.aliased[0].any():  # a column of nothing
+        head, rows = head[:-1], [row[:-1] for row in rows]
     x, y = (round(float(place[0]), 1) + 0.0 for place in (found.geometry.x_mm, found.geometry.y_mm))  # no -0.0
     title = (
         f"{transfer.setup.scene.name}, {_how(found)}: waves along {found.angle_deg:g} degrees at "
         f"{x:.1f}, {y:.1f} mm on the mirror"
     )
-    head = ("period [mm]", "1/mm", *names, "over the mirror", f"of {found.ripple_nm:g} nm [nm]", "seen as")
     limits = [_row(direction) for direction in dict.fromkeys(found.directions)]
     shown = Table("Limits of the height's response", ("along", "Nyquist period [mm]", "half response at [mm]"), limits)
     return [Table(title, head, rows), shown, *([] if psd is None else [_psd_table(psd)])]

@@ -147,10 +147,11 @@ class ZernikeFitFacts(TypedDict):
 
 
 class MisfitFacts(TypedDict):
-    """The part of the slopes that no surface has, what noise leaves of it, and its limit."""
+    """The part of the slopes that no surface has, what noise and predicted line sampling leave of it, and its limit."""
 
     urad_rms: float
     noise_urad_rms: float
+    systematic_urad_rms: float
     limit_urad_rms: float
     suspicious: bool
 

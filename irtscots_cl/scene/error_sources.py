@@ -12,13 +12,15 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, Strict, model_validator
 
 from irtscots_cl.scene.calibration_known import flat_names
-from irtscots_cl.scene.validation import Seed, array_of, bounded, checked, refuse
+from irtscots_cl.scene.validation import PositiveMm, Seed, array_of, bounded, checked, refuse
 
 _SIZE = bounded(gt=0, le=1e6)
 _Size = Annotated[Annotated[float, Strict(), _SIZE] | None, Field(description=_SIZE.description)]
 _COST = bounded(ge=0, le=1e12)
 _Periods = Annotated[float, Strict(), bounded(gt=0, le=1e4)]
 _NM = bounded(gt=0, le=1e9)
+_WIND = bounded(ge=0, le=1e6)
+_FRAME = bounded(ge=0, le=1e6)
 KINDS = ("normal", "uniform", "triangular")
 
 
@@ -63,10 +65,26 @@ def _sources(table: Any) -> Any:
     return flat_names(table, (*KINDS, "cost"), "normal")
 
 
+@checked("air")
+class Air:
+    """Turbulent air on the rays' way: its outer scale, its wind across the way, and the time from frame to frame.
+
+    Raises SceneError for a value that is not allowed.
+    """
+
+    outer_scale_mm: PositiveMm = 1000.0
+    wind_mm_per_s: Annotated[float, Strict(), _WIND] = 100.0
+    frame_s: Annotated[float, Strict(), _FRAME] = 0.1
+
+
 @checked("budget")
 class Budget:
     """sources: name -> Distribution. periods, steps: of the fringes; without periods, single lines are scanned.
-    allow_nm: what the test may cost. Raises SceneError for a value that is not allowed.
+    allow_nm: what the test may cost. air: of the source air.turbulence_nm; None for that of Air(). compensators:
+    numbers of the geometry that are fitted away. exposures, mirror_turns: measurements whose mean is taken.
+    calibrated: a report with the covariance of further sources.
+
+    Raises SceneError for a value that is not allowed.
     """
 
     sources: Annotated[
@@ -79,9 +97,28 @@ class Budget:
     trials: Annotated[int, Strict(), Field(ge=2, le=2**20, description="an integer from 2 to 1048576")] = 512
     seed: Seed = 1
     allow_nm: Annotated[Annotated[float, Strict(), _NM] | None, Field(description=_NM.description)] = None
+    air: Annotated[Air | None, Field(description="a table [budget.air]")] = None
+    compensators: Annotated[
+        tuple[Annotated[str, Strict()], ...], *array_of('an array of names of the geometry, such as "screen.z_mm"')
+    ] = ()
+    exposures: Annotated[int, Strict(), Field(ge=1, le=1000, description="an integer from 1 to 1000")] = 1
+    mirror_turns: Annotated[int, Strict(), Field(ge=1, le=24, description="an integer from 1 to 24")] = 1
+    calibrated: Annotated[
+        Annotated[str, Strict(), Field(min_length=1, max_length=4096)] | None,
+        Field(description="the path of a report.json of `irtscots calibrate`"),
+    ] = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Budget:
+        for k, name in enumerate(self.compensators):
+            if name in self.compensators[:k]:
+                refuse(("compensators",), name, "name each once")
+        return self
 
     def __hash__(self) -> int:  # a dict has none
-        return hash((frozenset(self.sources.items()), self.periods, self.steps, self.trials, self.seed, self.allow_nm))
+        given = (self.periods, self.steps, self.trials, self.seed, self.allow_nm, self.air)
+        done = (self.compensators, self.exposures, self.mirror_turns, self.calibrated)
+        return hash((frozenset(self.sources.items()), given, done))
 
     @property
     def fringes(self) -> tuple[tuple[float, ...], int] | None:

@@ -29,7 +29,7 @@ LISTS: dict[tuple[str, ...], tuple[str, str]] = {  # the same for arrays of tabl
     ("mirror", "polynomial"): ("polynomial", "Polynomial"),
     ("mirror", "map"): ("height_map", "MirrorMap"),
 }
-FILES = ("quantum_efficiency_map", "brightness_map", "file")  # keys whose value is a path
+FILES = ("quantum_efficiency_map", "brightness_map", "file", "calibrated")  # keys whose value is a path
 _adapter = functools.cache(TypeAdapter)
 
 
@@ -111,6 +111,6 @@ def _checked(kind: Any, table: object, source: str, steps: tuple[Any, ...]) -> A
         if getattr(found, key, None) is not None:  # frozen: made anew, with the path as seen from where we are
             path = os.path.join(os.path.dirname(source), getattr(found, key))
             # a map is read when it is needed, perhaps elsewhere: by a worker, or when a run is resumed
-            table = {**table, key: os.path.abspath(path) if key == "file" else path}
+            table = {**table, key: os.path.abspath(path) if key in ("file", "calibrated") else path}
             found = _adapter(kind).validate_python(table)
     return found

@@ -21,6 +21,9 @@ def _folder() -> Traversable:
     return resources.files(__package__).joinpath("preset_scenes")
 
 
+PATH_TOO = ", or a path that ends in .toml"  # of load_scene
+
+
 def preset_names() -> list[str]:
     """The names that `load_scene` knows, in alphabetical order."""
     names = (file.name for file in _folder().iterdir())
@@ -32,14 +35,17 @@ def sequential_presets() -> list[str]:
     return [name for name in preset_names() if load_scene(name).is_sequential]
 
 
-def preset_text(name: str) -> str:
-    """TOML text of a preset, comments included. Raises SceneError for a name that is not in `preset_names()`."""
+def preset_text(name: str, otherwise: str = "") -> str:
+    """TOML text of a preset, comments included. Raises SceneError for a name that is not in `preset_names()`.
+
+    otherwise: what may be given in its place, for the message.
+    """
     names = preset_names()
     if name not in names:  # so that no name can leave the folder
         hint = nearest(str(name), names)
         known = f"allowed: {', '.join(names)}"
         hint = known if hint == known else f"{hint} {known}"
-        raise problem(str(name)[:100] or "''", (), f"unknown scene; {hint}, or a path that ends in .toml")
+        raise problem(str(name)[:100] or "''", (), f"unknown scene; {hint}{otherwise}")
     return _folder().joinpath(f"{name}.toml").read_text(encoding="utf-8")
 
 
@@ -52,7 +58,7 @@ def load_scene(name_or_path: str | os.PathLike[str]) -> Scene:
         raise problem("scene", (), "must be a preset name or the path of a TOML file", name_or_path)
     source = os.fsdecode(name_or_path)
     is_name = isinstance(name_or_path, str) and not _is_path(source)
-    data = preset_text(source).encode("utf-8") if is_name else _read(source)
+    data = preset_text(source, PATH_TOO).encode("utf-8") if is_name else _read(source)
     return Scene.from_dict(_parse(data, source), source)
 
 

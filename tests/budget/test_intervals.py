@@ -81,3 +81,14 @@ def test_without_errors_the_interval_is_the_figure_itself():
     assert found.low == found.estimate == found.high == pytest.approx(100, rel=1e-3)
     rms = none.rms(truth, (1, 2, 3))
     assert rms.low == rms.estimate == rms.high
+
+
+def test_a_flat_map_has_the_whole_error():
+    """Measured as flat, the mirror is what the error hid: one mode, twice a sigma of it (97.5 % of |e|: 2.24 sigma)."""
+    design = MeasuredDesign.of(Setup(small_scene(31)))
+    given = Budget(sources={"screen.z_mm": 0.02}).sources
+    trials = Trials.of(design, Budget(sources=given))
+    found = {one.source.name: one for one in sensitivities(design, trials.sources)}
+    samples = ErrorSamples(design, found, given, np.ones(design.count, bool))
+    interval = samples.rms(np.zeros(design.count), (1, 2, 3))
+    assert interval.high == pytest.approx(2.24 * 0.02 * found["screen.z_mm"].left_nm[0], rel=0.02)

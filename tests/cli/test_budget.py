@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from small_budget import SOURCES, small_scene
 
+from irtscots_cl.formats.height_map import HeightMap
+from irtscots_cl.formats.maps import write_map
 from irtscots_cl.scene.error_sources import Budget
+from irtscots_cl.scene.presets import load_scene
 
 
 @pytest.fixture
@@ -56,12 +60,50 @@ def test_a_scene_without_a_budget_has_its_sensitivities(irtscots, tmp_path):
     assert "each source at a usual value" in out and "screen.brightness_xx" in out
 
 
+def test_a_result_is_judged(irtscots, tmp_path):
+    """A flat map: nothing but the errors, so that wide limits are met."""
+    sources = {"camera.x_mm": 0.1, "screen.x_mm": 0.1}
+    scene = replace(small_scene(31), name="small", budget=Budget(sources=sources))
+    path, heights = tmp_path / "few.toml", tmp_path / "flat.npz"
+    path.write_text(scene.to_toml())
+    write_map(heights, HeightMap(np.zeros((60, 60)), pitch_mm=(scene.mirror.diameter_mm / 59,) * 2))
+    code, out, err = irtscots("budget", path, "--result", heights, "--require", "3/9(9/9) RMSi<0.01", "--json")
+    assert code == 0 and "the file tells no wavelength" in err
+    told = json.loads(out)
+    assert {one["name"]: one["verdict"] for one in told["required"]} == {
+        "A": "met", "B": "met", "C": "met", "RMSi": "not decided",
+    }  # fmt: skip
+    assert told["required"][3]["missing_nm"] > 0 and told["zernike_nm"]["6"]["low_nm"] < 0
+    code, out, _ = irtscots("budget", path, "--result", heights, "--require", "RMSi<0.01", "--wavelength-nm", "1000")
+    assert code == 0 and "not decided" in out and "Zernike 6" in out and "half of 1000 nm" in out
+
+
+def test_a_trial_is_simulated(irtscots, tmp_path):
+    scene = replace(small_scene(31), name="few", budget=Budget(sources={"screen.z_mm": 0.1}, trials=4))
+    path = tmp_path / "few.toml"
+    path.write_text(scene.to_toml())
+    options = ("--images", "--rays-per-pixel", "1024", "--trial", "2", "--json", "--out", tmp_path / "out")
+    code, out, _ = irtscots("budget", path, *options)
+    told = json.loads(out)["simulated"]
+    assert code == 0 and told["trial"] == 2 and told["left_out"] == []
+    assert told["simulated_nm"] == pytest.approx(told["predicted_nm"], abs=5 * told["rays_nm"])
+    assert load_scene(str(tmp_path / "out" / "few-trial-2.toml")).name == "few-trial-2"
+
+
 @pytest.mark.parametrize(
     "options, told",
     [
         (("--trials", "1"), "--trials = 1: must be from 2 to 1048576"),
         (("--trial", "16"), "--trial = 16: must be from 0 to 15"),
         (("--allow-nm", "0"), "--allow-nm = 0.0: must be a number above 0"),
+        (("--require", "3/1"), "--require: must be given with --result"),
+        (("--result", "none.h5"), "none.h5: not a readable file"),
+        (("--result", "none.h5", "--require", "3/x"), "'3/x': must be 3/A(B/C)"),
+        (("--result", "none.h5", "--require", " "), "--require: must have at least one limit"),
+        (("--result", "none.h5", "--wavelength-nm", "500"), "--wavelength-nm: must be given with --require"),
+        (("--result", "none.h5", "--trials", "5"), "--trials: must be left out with --result"),
+        (("--device", "cpu"), "--device: must be given with --images"),
+        (("--result", "none.h5", "--images"), "--images: must be left out with --result"),
         (("--trial", "-1"), "--trial = -1: must be from 0 to 15"),
     ],
 )

@@ -20,7 +20,9 @@ def coarse(tmp_path):
         old = (f"pixels = [{PIXELS[name]}, {PIXELS[name]}]", f"pitch_mm = {pitch}")
         assert all(text.count(part) == 1 for part in old)
         path = tmp_path / f"{name}.toml"
-        path.write_text(text.replace(old[0], "pixels = [31, 31]").replace(old[1], f"pitch_mm = {pitch * PIXELS[name] / 31}"))
+        path.write_text(
+            text.replace(old[0], "pixels = [31, 31]").replace(old[1], f"pitch_mm = {pitch * PIXELS[name] / 31}")
+        )
         return path
 
     return made

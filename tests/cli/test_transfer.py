@@ -83,6 +83,24 @@ def test_a_map_s_spectrum_too_and_what_is_not_known_is_said(irtscots, small, tmp
     assert "what a change of its grid did is not known" in err
 
 
+def test_low_orders_that_leak_are_named_and_can_be_removed(irtscots, small, tmp_path):
+    path = tmp_path / "map.npz"
+    x, y = np.meshgrid(*[(np.arange(24) - 11.5) * 48.0] * 2)
+    fine = np.random.default_rng(2).normal(0, 1e-8, x.shape)
+    heights = np.where(np.hypot(x, y) < 580, fine + 3e-4 * (x * x + y * y) / 580**2, np.nan)
+    np.savez(path, heights_mm=heights, pitch_mm=[48.0, 48.0], wavefront=0)
+    code, out, err = irtscots("transfer", small, "--psd", path, "--json")
+    assert code == 0 and "low orders of 86" in err and "--remove piston_tilt_power_astigmatism takes" in err
+    found = [json.loads(out)["psd"]]
+    code, out, err = irtscots("transfer", small, "--psd", path, "--json", "--remove", "piston_tilt_power_astigmatism")
+    assert code == 0 and "low orders" not in err
+    found.append(json.loads(out)["psd"])
+    assert [one["removed"] for one in found] == ["piston_tilt", "piston_tilt_power_astigmatism"]
+    # white heights of 1e-8 mm rms: their variance times the area of a sample, in nm^2 mm^2
+    highest = [np.mean(one["measured_nm2_mm2"][-4:]) for one in found]
+    assert highest[1] == pytest.approx(1e-4 * 48**2, rel=0.3) and highest[0] > 3 * highest[1]
+
+
 @pytest.mark.parametrize(
     "arguments, text",
     [
@@ -96,10 +114,14 @@ def test_a_map_s_spectrum_too_and_what_is_not_known_is_said(irtscots, small, tmp
         (("sphere", "--direction", "nan"), "--direction = nan: must be from -360 to 360 degrees"),
         (("sphere", "--at", "600", "0"), "--at = 600 0: no pixel sees that place of the mirror as a whole"),
         (("sphere", "--psd", "nothing.h5"), "nothing.h5"),
+        (
+            ("sphere", "--psd", "result", "--remove", "coma"),
+            "--remove = coma: must be one of none, piston, piston_tilt,",
+        ),
     ],
 )
-def test_bad_input_is_refused_in_one_line(irtscots, small, arguments, text):
-    arguments = tuple(small if a == "sphere" else a for a in arguments)
+def test_bad_input_is_refused_in_one_line(irtscots, small, result, arguments, text):
+    arguments = tuple({"sphere": small, "result": result}.get(a, a) for a in arguments)
     code, out, err = irtscots("transfer", *arguments)
     assert (code, out) == (2, "")
     assert text in err and err.count("\n") == 1

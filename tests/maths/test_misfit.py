@@ -60,6 +60,23 @@ def test_noise_of_the_stated_size_is_expected_and_more_is_suspicious():
         assert found.suspicious is suspicious
 
 
+def test_known_errors_are_no_fault_but_others_beside_them_are():
+    """False alarms among 20 maps of noise beside errors that alternate: none. The least margin is 20 sigma."""
+    _, p, q = polynomial(2, X, Y)
+    wave = 3e-4 * np.stack([np.sin(1.9 * Y), np.sin(2.3 * X)])
+    size = np.full(MASK.shape, 1e-4)
+    for seed in range(20):
+        noise = size * np.random.default_rng(seed).standard_normal(wave.shape)
+        slopes = (p + wave[0] + noise[0], q + wave[1] + noise[1])
+        found = integration_misfit(X, Y, *slopes, MASK, size, size, tuple(wave))
+        assert not found.suspicious
+        assert found.slope == pytest.approx(np.hypot(found.expected, found.systematic), rel=0.1)
+        if seed == 0:
+            assert integration_misfit(X, Y, *slopes, MASK, size, size).suspicious  # not known
+            doubled = (slopes[0] + wave[0], slopes[1] + wave[1])
+            assert integration_misfit(X, Y, *doubled, MASK, size, size, tuple(wave)).suspicious
+
+
 def test_exchanged_axes_and_shifted_rows_are_suspicious():
     _, p, q = polynomial(4, X, Y)
     small = np.full(MASK.shape, 1e-6)
@@ -75,6 +92,8 @@ def test_limits():
     assert Misfit(1.0, 2.0, 5.0).limit == NOISE_LIMIT * 2.0
     assert Misfit(1.0, 1e-3, 5.0).limit == SHARE_LIMIT * 5.0
     assert Misfit(1.0, NAN, 0.0).limit == Misfit(1.0, 0.0, 0.0).limit == LEAST_LIMIT
+    assert Misfit(1.0, 3.0, 5.0, 4.0).limit == NOISE_LIMIT * 5.0
+    assert Misfit(1.0, NAN, 5.0, 4.0).limit == NOISE_LIMIT * 4.0
     assert Misfit(1.0, 0.0, 5.0).suspicious and not Misfit(NAN, NAN, 5.0).suspicious
 
 

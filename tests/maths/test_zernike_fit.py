@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from irtscots_cl.maths.zernike.fit import MAX_INFLATION, separable_terms, smoothing_matrix
+from irtscots_cl.maths.zernike.fit import (
+    MAX_INFLATION,
+    SAMPLES_OF_PART,
+    applied,
+    large_smoothing_matrix,
+    separable_terms,
+    smoothing_matrix,
+)
 from irtscots_cl.maths.zernike.polynomials import zernike
 
 NOLLS = range(1, 46)
@@ -100,6 +107,20 @@ def test_smoothing_leaves_out_what_cannot_be_told():
     np.testing.assert_allclose(smoothing_matrix(basis) @ z, [2, 1.5, 1.5], atol=1e-12)
     groups = (x > 0).astype(int)
     np.testing.assert_allclose(smoothing_matrix(basis, groups) @ (z + 5 * groups), [0, 1.5, 1.5], atol=1e-12)
+
+
+@pytest.mark.parametrize("grouped", [False, True])
+def test_a_large_matrix_in_parts_is_the_same_but_for_single_precision(grouped):
+    count = SAMPLES_OF_PART + 1000  # the last part is shorter
+    random = np.random.default_rng(3)
+    x, y = random.uniform(-0.7, 0.7, (2, count))
+    basis, values = np.stack([zernike(j, x, y) for j in range(1, 22)]), random.standard_normal(count) + 5 * (x > 0.1)
+    groups = (x > 0.1).astype(int) if grouped else None
+    large = large_smoothing_matrix(lambda part: basis[:, part], len(basis), count, groups)
+    assert large.dtype == np.float32
+    expected = smoothing_matrix(basis, groups) @ values
+    np.testing.assert_allclose(applied(large, values), expected, rtol=0, atol=3e-6)
+    assert np.array_equal(applied(smoothing_matrix(basis, groups), values), expected)
 
 
 def test_refusals():

@@ -6,13 +6,16 @@ import dataclasses
 
 import numpy as np
 import pytest
-from synthetic import noise_free_stack, small_scene
+from scenes import coarse, with_part
+from synthetic import noise_free_stack, small_scene, with_replicates
 
 from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.prediction import PredictedError, predict_error
 from irtscots_cl.measurement.reconstruction import reconstruct
+from irtscots_cl.tracing.trace import trace
 
 SLOPE_PER_MM = 1 / (2 * 4166.747 * np.cos(np.radians(3)))  # at the vertex of the paper's sphere
 
@@ -56,6 +59,24 @@ def test_the_noise_of_slopes_becomes_the_noise_of_heights_that_random_maps_have(
         np.sqrt(np.mean(np.square(left))),
         rel=4 * spread / np.sqrt(32),  # 4 sigma, chance 6e-5
     )
+
+
+@pytest.mark.slow
+def test_sampling_by_few_lines_is_no_fault_of_the_slopes():
+    """Light as wide as three to four lines: its centroids err more than noise makes them, and that is predicted."""
+    scene = with_part(coarse("gmt-segment", 19), "camera", aperture_diameter_mm=3.125)
+    scene = with_part(scene, "screen", pixels=(126, 94), pitch_mm=5.67)
+    clean = trace(scene, estimator="analytic").images(LineScan(scene))
+    for seed in range(2):
+        stack = with_replicates(clean, 8, 0.01, seed)
+        result = reconstruct(stack, scene.nominal())
+        predicted = predict_error(result, stack, systematic=False)
+        found = result.misfit(systematic=predicted.line_sampling)
+        assert result.misfit().suspicious  # where the sampling is not known
+        assert not found.suspicious and found.systematic > 3 * found.expected
+        assert found.slope == pytest.approx(np.hypot(found.expected, found.systematic), rel=0.15)
+        bent = dataclasses.replace(result, slope_x=result.slope_x - 1e-8 * result.y_mm)
+        assert bent.misfit(systematic=predicted.line_sampling).suspicious  # 20 urad rms that no surface has
 
 
 def test_images_from_a_lab_have_a_sampling_error_but_no_known_noise():

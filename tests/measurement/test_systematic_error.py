@@ -8,6 +8,8 @@ import functools
 import numpy as np
 import pytest
 from scenes import coarse, with_part
+from synthetic import noise_free_stack as noise_free_stack_of
+from synthetic import small_scene
 from varied_scenes import KINDS, varied_scene
 
 from irtscots_cl.analysis.comparison import compare
@@ -16,6 +18,7 @@ from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.methods import MEASURES, NOISE_FREE, measure_by
 from irtscots_cl.measurement.prediction import predict_error
+from irtscots_cl.measurement.reconstruction import MIN_PIXELS, reconstruct
 from irtscots_cl.measurement.systematic_error import noise_free_stack, same_measurement, systematic_error
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.setup import Setup
@@ -114,6 +117,47 @@ def test_structure_near_the_limit_of_the_pixels_is_said_to_be_a_bound():
     assert actual_nm > 1
     assert not found.settled
     assert actual_nm < WITHIN * found.height_mm * 1e6
+
+
+def kept(stack: ImageStack, pixels: np.ndarray, noise: float) -> ImageStack:
+    """The stack with light in some pixels only, bool [rows x columns], and relative noise on it."""
+    random, scans = np.random.default_rng(1), []
+    for scan in (stack.x, stack.y):
+        noisy = np.abs(scan.flux_w * (1 + noise * random.standard_normal(scan.flux_w.shape)))
+        flux = np.where(pixels[None, scan.pixels, None], noisy, 0.0)
+        scans.append(dataclasses.replace(scan, flux_w=flux, hits=np.full(len(scan.pixels), 1e6)))
+    return ImageStack(*scans)
+
+
+def test_between_islands_without_known_pistons_the_larger_one_has_a_prediction():
+    """Noise has no height there either: such maps have no Zernike terms."""
+    scene = small_scene()
+    halves = np.abs(np.arange(41 * 41) % 41 - 20) > 7
+    stack = kept(noise_free_stack_of(scene), halves, 1e-4)
+    result = reconstruct(stack, scene.nominal())
+    assert result.islands.groups == 2
+    found = predict_error(result, stack).systematic
+    assert found.lost == 0 and np.isfinite(found.height_mm)
+    np.testing.assert_array_equal(np.isfinite(found.error_mm), result.height_mask)
+    one = dataclasses.replace(result, mask=result.height_mask, islands=None)
+    assert found.height_mm == systematic_error(one, stack).height_mm
+
+
+def test_a_few_joined_pixels_among_hundreds_of_single_ones_are_no_crash():
+    scene = small_scene()
+    stack = kept(noise_free_stack_of(scene), np.random.default_rng(1).random(41 * 41) < 0.25, 0.3)
+    result = reconstruct(stack, scene.nominal())
+    assert MIN_PIXELS < result.height_mask.sum() < 12 < result.pixels_used
+    assert np.isfinite(predict_error(result, stack).height_mm)
+
+
+def test_single_pixels_alone_have_no_heights_to_tell():
+    scene = small_scene()
+    apart = np.zeros((41, 41), bool)
+    apart[::7, ::7] = True
+    stack = kept(noise_free_stack_of(scene), apart.ravel(), 1.0)
+    with pytest.raises(ValueError, match=r"lie in islands, of which the largest joined group has \d; must"):
+        reconstruct(stack, scene.nominal())
 
 
 # --- light without a closed form -------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from lopsided import lopsided
 from oracle import tracer
 from scenes import SEQUENTIAL, scene_of
 
+from irtscots_cl.optics import chief_rays
 from irtscots_cl.optics.chief_rays import SUBPIXELS, ChiefRays, check_visible
 from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.presets import load_scene
@@ -252,3 +253,14 @@ def test_a_screen_beside_the_light_is_refused_with_the_way_to_it():
 @pytest.mark.parametrize("name", [*SEQUENTIAL, "lopsided"])
 def test_visible_scenes_pass(name):
     check_visible(ChiefRays(scene_of(name)), name)
+
+
+def test_many_rays_in_parts_are_the_same_rays(monkeypatch):
+    chief = ChiefRays(scene_of("lopsided"))
+    row, column = np.arange(60.0)[:, None], np.array([3.0, 20.0, 41.0])
+    expected = chief.reverse(row, column, 0.1, -0.2)
+    monkeypatch.setattr(chief_rays, "MANY_RAYS", 50)
+    monkeypatch.setattr(chief_rays, "RAYS_OF_PART", 50)  # 16 rows at a time, the last 12
+    for found, rays in zip(chief.reverse(row, column, 0.1, -0.2), expected, strict=True):
+        np.testing.assert_allclose(found, rays, rtol=0, atol=1e-9)
+    assert chief.reverse(3.0, 4.0)[1].shape == ()

@@ -11,6 +11,7 @@ from device_kernels import SmallKernel, kernel_text
 from lopsided import lopsided
 from scenes import with_part
 from scipy.interpolate import RectBivariateSpline
+from scipy.spatial import cKDTree
 
 from irtscots_cl.formats.height_map import HeightMap
 from irtscots_cl.optics.chief_rays import ChiefRays
@@ -18,6 +19,7 @@ from irtscots_cl.optics.height_map import MapWarning
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.height_map import MirrorMap
 from irtscots_cl.scene.mirror import Mirror
+from irtscots_cl.scene.outline import Outline
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.tracing.packing.departures import is_slight, newton_steps, pack_departures
 
@@ -135,15 +137,46 @@ def test_a_small_edge_is_extrapolated_with_its_slope_and_said():
 
 def test_a_wide_edge_or_a_hole_is_refused_and_says_what_helps():
     said = (
-        r"^mirror\.map\[0\]: has no height on 15.6 % of the mirror, up to .* mm from the nearest: must come to within "
+        r"^mirror\.map\[0\]: has no height on 16.\d % of the mirror, up to .* mm from the nearest: must come to within "
     )
     said += r'3 mm, or outside must be "nearest" or "zero"$'
     with pytest.raises(SceneError, match=said):
         departure_of(MirrorMap(heights=round_map(45.0)))
     holed = round_map(70.0)
     holed.heights_mm[55:66, 40:50] = np.nan
-    with pytest.raises(SceneError, match="has no height on 0.892 % of the mirror"):
+    # 12 x 11 mm between middles of pixels, less 0.75 diagonals on each side, of 7854 mm^2
+    with pytest.raises(SceneError, match="has no height on 1.12 % of the mirror"):
         departure_of(MirrorMap(heights=holed))
+
+
+def test_only_the_outline_must_have_heights():
+    strip = np.where(np.abs(np.arange(-60, 61.0))[:, None] <= 21, 1e-6, np.nan) * np.ones(121)
+    table = MirrorMap(heights=HeightMap(strip, pitch_mm=(1.0, 1.0)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        inside = replace(MIRROR, outline=Outline(shape="rectangle", size_mm=(90.0, 42.0)))
+        assert departure_of(table, base=inside).at(30.0, 20.0)[0] == pytest.approx(1e-6)
+    beyond = replace(MIRROR, outline=Outline(shape="rectangle", size_mm=(60.0, 60.0)))
+    # a rectangle of 60 x 60 in which 21 + 1.06 mm have heights, as near as 0.75 diagonals of a pixel
+    with pytest.raises(
+        SceneError, match=r"has no height on 2[67]\.\d* % of the mirror, up to 9.01 mm from the nearest"
+    ):
+        departure_of(table, base=beyond)
+    with pytest.raises(SceneError, match="has no height on"):
+        departure_of(table)
+
+
+@pytest.mark.parametrize("turn", [0.0, 20.0, 45.0])
+def test_the_edge_of_a_map_is_as_far_along_a_diagonal(turn):
+    """From the rim to the middle of the nearest pixel with a height, by a tree; heights end 4 mm before the rim."""
+    x, y = np.meshgrid(np.arange(-60, 61.0), np.arange(-60, 61.0))
+    valid = np.cos(np.radians(turn)) * x + np.sin(np.radians(turn)) * y <= 46.0
+    with pytest.raises(SceneError) as caught:
+        departure_of(MirrorMap(heights=HeightMap(np.where(valid, 1e-6, np.nan), pitch_mm=(1.0, 1.0))))
+    angle = np.linspace(0, 2 * np.pi, 4000)
+    far, _ = cKDTree(np.stack([x[valid], y[valid]], -1)).query(50 * np.stack([np.cos(angle), np.sin(angle)], -1))
+    told = float(str(caught.value).split("up to ")[1].split(" mm")[0])
+    assert told == pytest.approx(far.max(), abs=0.02)  # three digits, 1604 points on the rim
 
 
 def test_a_hole_of_the_mirror_needs_no_heights():

@@ -141,3 +141,32 @@ def test_a_picture_lies_upright(tmp_path):
     mirror = Mirror(radius_mm=math.inf, diameter_mm=DIAMETER, outline=outline_of("mask", DIAMETER, tmp_path))
     x, y = np.array([-200.0, -200.0, 200.0, 200.0]), np.array([-200.0, 200.0, -200.0, 200.0])
     np.testing.assert_array_equal(Surface.of(mirror).contains(x, y), [True, True, True, False])
+
+
+@pytest.mark.parametrize("shape", [{}, {"shape": "rectangle", "size_mm": (3.0, 60.0), "centre_mm": (20.0, 0.0)}])
+def test_spiders_that_leave_nothing_are_refused_and_thinner_ones_not(shape):
+    def of(width_mm):
+        spider = Spider(width_mm=width_mm, ends_mm=((-200.0, 1.0), (200.0, 1.0)))
+        return Surface.of(Mirror(radius_mm=1500.0, diameter_mm=100.0, outline=Outline(**shape, spider=(spider,))))
+
+    with pytest.raises(
+        ValueError, match=r"^mirror\.outline\.spider = 1 table: must leave a part of the mirror"
+    ) as caught:
+        of(103.0)
+    assert "\n" not in str(caught.value)
+    assert of(56.0).contains(21.0, 29.5)
+
+
+def test_a_mask_beside_the_disk_or_in_its_hole_is_refused(tmp_path):
+    np.save(tmp_path / "mask.npy", np.pad(np.ones((10, 10), bool), 1))
+
+    def of(**changes):
+        outline = Outline(shape="mask", file=str(tmp_path / "mask.npy"), pitch_mm=1.0, **changes)
+        return Surface.of(Mirror(radius_mm=1500.0, diameter_mm=100.0, obscuration_mm=20.0, outline=outline))
+
+    # its pixels that are not 0 go 5 mm to each side; the disk's rim is 50 mm from the middle
+    for beside in ((55.1, 0.0), (40.0, 41.0), (0.0, 0.0)):
+        with pytest.raises(ValueError, match=r"mask\.npy': has no pixel on the mirror, a disk of diameter 100 mm"):
+            of(centre_mm=beside)
+    assert of(centre_mm=(54.9, 0.0)).contains(49.95, 0.2)
+    assert of(centre_mm=(3.0, 3.0)).contains(7.9, 7.9)

@@ -11,6 +11,7 @@ import pytest
 from scenes import scene_of
 from tracers import setup_of
 
+from irtscots_cl.optics.pixel import ray_map
 from irtscots_cl.optics.pixel.ray_map import OUTPUTS, RAYS, RayMap
 from irtscots_cl.scene.presets import load_scene
 
@@ -188,3 +189,14 @@ def test_part_of_the_maps_is_the_maps_of_a_part():
         np.testing.assert_allclose(part.coefficient, alone.coefficient, rtol=0, atol=1e-10)  # mm: rounding at 4 m
         np.testing.assert_allclose(part.residual, alone.residual, rtol=0, atol=1e-10)  # the same
         np.testing.assert_array_equal(part.corner_radius, maps.corner_radius[chosen])
+
+
+def test_many_pixels_in_parts_have_the_same_maps(monkeypatch):
+    chief = setup_of(scene_of("lopsided")).chief_rays
+    row, column = some_pixels(chief, 50)
+    expected = RayMap.of(chief, row, column)
+    monkeypatch.setattr(ray_map, "MANY_PIXELS", 20)
+    monkeypatch.setattr(ray_map, "PIXELS_OF_PART", 16)
+    found = RayMap.of(chief, row, column)
+    np.testing.assert_allclose(found.coefficient, expected.coefficient, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found.residual, expected.residual, rtol=0, atol=1e-8)

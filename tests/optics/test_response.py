@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from lopsided import lopsided
-from scenes import with_part
+from scenes import coarse, with_part
 from scipy import integrate
 from scipy.stats import qmc
 from tracers import setup_of
@@ -474,3 +475,16 @@ def test_a_pixel_that_misses_the_surface_is_refused():
     chord = light.chord("u")
     for values in (chord.normal, chord.slope, chord.bend, chord.growth, chord.mirror):
         assert (values[..., missed] == 0).all()
+
+
+def test_the_means_take_little_memory_beside_the_cells():
+    """Of light far wider than the aperture's image: a pixel has 256 cells, whose maps would take ten times more."""
+    response = setup_of(coarse("vista-secondary", 16)).pixel_response
+    cells = response.cells("u")
+    own = sum(getattr(cells, name).nbytes for name in cells.__dataclass_fields__)
+    assert own > 2**22
+    tracemalloc.start()
+    response.means("u")
+    response.extent("u")
+    assert tracemalloc.get_traced_memory()[1] < 1.5 * own
+    tracemalloc.stop()

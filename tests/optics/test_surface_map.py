@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from scenes import coarse, scene_of
 
+from irtscots_cl.maths.zernike.series import radial_series
+from irtscots_cl.optics import surface_map
 from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.optics.departure import ZernikeDeparture
 from irtscots_cl.optics.surface import Surface
-from irtscots_cl.optics.surface_map import MappedChiefRays, PixelMap
+from irtscots_cl.optics.surface_map import MappedChiefRays, PixelMap, tabulated
 
 
 @pytest.fixture(scope="module")
@@ -53,3 +56,28 @@ def test_rays_land_where_a_mirror_with_the_same_zernikes_sends_them():
                                     design.reverse(row, column)[1:], strict=True):  # fmt: skip
         assert np.abs(wanted - plain)[inner].max() > 0.01  # mm
         assert np.abs(found - wanted)[inner].max() < 6e-4  # mm, of 0.1: 0.05 urad, the spline between pixels of 17 mm
+
+
+def test_a_table_of_a_long_series_is_the_series(monkeypatch):
+    """To 1e-4 of the heights and slopes on the mirror, terms of the highest order included; finite beyond it."""
+    monkeypatch.setattr(surface_map, "TABLE_TERMS", 3)  # few terms, of the order of the longest series
+    monkeypatch.setattr(surface_map, "TABLE_NODES", 600)
+    series = radial_series({(28, 0): 1e-6, (28, 28): 1e-6, (27, 5): 1e-6, (4, 2): 1e-6})
+    departure = ZernikeDeparture(series, 50.0)
+    radius, angle = 50 * np.sqrt(np.random.default_rng(0).random(2000)), np.linspace(0, 300, 2000)
+    x, y = radius * np.cos(angle), radius * np.sin(angle)
+    table = tabulated(departure)
+    assert table is not departure and table.radius_mm == 50.0
+    for found, expected in zip(table.at(x, y), departure.at(x, y), strict=True):
+        assert np.sqrt(np.mean((found - expected) ** 2)) < 1e-3 * np.sqrt(np.mean(expected**2))
+    assert np.abs(table.at(np.array([80.0]), np.array([80.0]))[0]).max() < 1e-3
+
+
+def test_short_series_and_small_detectors_have_no_table(monkeypatch):
+    scene = scene_of("lopsided")
+    departure = ChiefRays(scene).surface.deviation[0]
+    assert tabulated(departure) is departure
+    monkeypatch.setattr(surface_map, "TABLE_TERMS", 1)
+    assert isinstance(MappedChiefRays(scene).surface.deviation[0], ZernikeDeparture)
+    monkeypatch.setattr(surface_map, "TABLE_PIXELS", 10)
+    assert not isinstance(MappedChiefRays(scene).surface.deviation[0], ZernikeDeparture)

@@ -71,6 +71,24 @@ def test_every_map_of_a_run_has_an_arrow_to_x_and_the_words(roll):
     assert labels == ({"mirror x [mm]"} if roll == 0.0 else {"detector column"})
 
 
+def test_a_map_ends_with_the_edges_of_its_pixels_on_the_line_of_all_places():
+    row, column = np.meshgrid(np.arange(6.0), np.arange(9.0), indexing="ij")
+    mask = np.zeros((6, 9), bool)
+    mask[1:5, 2:8] = True
+    assert MapFrame.of(4 * column - 20, 3 * row - 7, mask).extent == pytest.approx((-14.0, 10.0, -5.5, 6.5))
+    assert MapFrame.of(4 * column - 20, 3 * row - 7, mask & (row == 2)).extent[:2] == pytest.approx((-14.0, 10.0))
+
+
+def test_a_map_that_is_seen_at_a_slant_is_labelled_with_the_detectors_columns():
+    row, column = np.meshgrid(np.arange(100.0), np.arange(100.0), indexing="ij")
+    mask = np.ones(row.shape, bool)
+    labels = []
+    for slant in (1e-3, 3e-3):
+        x, y = (1000 * (c / 100 - 0.5) / (1 + slant * column) for c in (column, row))
+        labels.append(MapFrame.of(x, y, mask).x_label)
+    assert labels == ["mirror x [mm]", "detector column"]
+
+
 def test_maps_of_the_studies_are_marked_but_not_those_of_the_screen():
     figure = maps([("a", np.eye(3)), ("b", np.eye(3))], "nm", of_detector=[False, True])
     assert [len(marks_of(axes)) for axes in figure.axes[:2]] == [0, 1]
@@ -101,11 +119,13 @@ def test_a_frame_is_of_the_shown_pixels(roll, labels):
     shown = result.mask[frame.cut]
     assert shown.sum() == result.mask.sum() and shown[0].any() and shown[-1].any() and shown[:, 0].any()
     if roll == 0.0:
-        assert frame.extent == (
-            np.nanmin(result.x_mm),
-            np.nanmax(result.x_mm),
-            np.nanmin(result.y_mm),
-            np.nanmax(result.y_mm),
+        half = np.nanmax(np.diff(result.x_mm, axis=1)) / 2
+        assert frame.extent[:2] == pytest.approx(
+            (np.nanmin(result.x_mm) - half, np.nanmax(result.x_mm) + half), abs=half
+        )
+        half = np.nanmax(np.diff(result.y_mm, axis=0)) / 2
+        assert frame.extent[2:] == pytest.approx(
+            (np.nanmin(result.y_mm) - half, np.nanmax(result.y_mm) + half), abs=half
         )
     else:
         columns, rows = np.flatnonzero(result.mask.any(0)), np.flatnonzero(result.mask.any(1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from outlined import outline_of
 from scenes import with_part
 from synthetic import noise_free_stack, small_scene, with_replicates
@@ -11,7 +12,14 @@ from synthetic import noise_free_stack, small_scene, with_replicates
 from irtscots_cl.analysis.comparison import compare
 from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.measurement.reconstruction import reconstruct
-from irtscots_cl.report.figures import height_figure, image_figure, light_curve_figure, parts_figure, write_figures
+from irtscots_cl.report.figures import (
+    draw_chord,
+    height_figure,
+    image_figure,
+    light_curve_figure,
+    parts_figure,
+    write_figures,
+)
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +68,12 @@ def test_images_are_those_of_the_named_lines(run):
     """Row 0 is at the bottom, as one looks at the mirror."""
     stack = run[0]
     pictures = maps_of(image_figure(stack))
-    expected = [scan.image(len(scan.positions_mm) // part) for scan in (stack.x, stack.y) for part in (3, 2)]
+    expected = []
+    for scan in (stack.x, stack.y):
+        sums = np.array([scan.image(k).sum() for k in range(len(scan.positions_mm))])
+        lit = np.flatnonzero(sums > 0.01 * sums.max())
+        assert len(lit) < len(sums)  # lines beside the mirror's light would show a dark detector
+        expected += [scan.image(lit[len(lit) // part]) for part in (3, 2)]
     for picture, image in zip(pictures, expected, strict=True):
         np.testing.assert_array_equal(picture.get_array(), image)
         assert picture.origin == "lower"
@@ -81,6 +94,38 @@ def test_the_light_curves_are_of_the_middle_pixel_with_its_centroids(run):
         np.testing.assert_array_equal(curve, scan.mean_w()[np.flatnonzero(scan.pixels == 10 * 21 + 10)[0]])
 
 
+def dotted(axes):
+    return [line for line in axes.lines if "unit magnification" in str(line.get_label())]
+
+
+def test_light_curves_show_all_lines_with_light(run):
+    """Near the centre of curvature with the aperture's chord."""
+    stack, result, _ = run
+    for axes in light_curve_figure(stack, result).axes:
+        low, high = axes.get_xlim()
+        curve = axes.containers[0].lines[0]
+        lit = curve.get_xdata()[curve.get_ydata() > 0.1 * curve.get_ydata().max()]
+        assert len(lit) > 2 and low < lit.min() and lit.max() < high
+        assert len(dotted(axes)) == 1
+
+
+def test_light_that_is_much_wider_than_the_aperture_is_shown_without_its_chord(run):
+    axes = Figure().subplots()
+    lines = np.arange(-20.0, 21.0)
+    draw_chord(axes, run[0].x, lines, np.maximum(0.0, 1 - (lines / 10) ** 2), 0.0, 1.0)
+    assert axes.get_xlim()[0] < -9.0 and axes.get_xlim()[1] > 9.0
+    assert not dotted(axes)
+
+
+def test_a_light_curve_with_missing_samples_is_drawn(run):
+    stack = run[0]
+    lines = np.arange(5.0)
+    axes = Figure().subplots()
+    draw_chord(axes, stack.x, lines, np.array([0.0, 1.0, np.nan, 1.0, 0.0]), 2.0, 1.0)
+    assert axes.get_xlim()[0] < 1.0 and axes.get_xlim()[1] > 3.0
+    draw_chord(axes, stack.x, lines, np.zeros(5), 2.0, 1.0)  # no light
+
+
 def test_the_error_is_drawn_where_the_truth_is_known_in_nm_and_from_zero(run):
     _, result, comparison = run
     assert len(maps_of(height_figure(result, None))) == 2
@@ -99,4 +144,4 @@ def test_every_part_of_the_error_has_a_map_of_its_own(run):
     maps = maps_of(figure)
     assert [np.nanmax(np.ma.filled(one.get_array(), np.nan)) for one in maps] == [0.0, 1.0, 2.0, 3.0, 4.0]  # nm
     titles = [axes.get_title() for axes in figure.axes if axes.images]
-    assert titles[3] == "part 3: 3 nm rms"
+    assert titles[3] == "part 3:\n3 nm rms"

@@ -30,6 +30,12 @@ def refusal(name_or_path):
     return message
 
 
+def test_the_text_of_a_preset_has_no_path():
+    with pytest.raises(SceneError) as caught:
+        preset_text("mine.toml")
+    assert str(caught.value).endswith(f"unknown scene; allowed: {', '.join(NAMES)}")
+
+
 def test_the_scenes_are_shipped():
     assert preset_names() == NAMES
     for name in preset_names():

@@ -104,7 +104,7 @@ def test_an_unknown_key_is_answered_with_the_nearest_one():
 
 def test_an_unknown_key_with_nothing_near_is_answered_with_the_list():
     assert refusal(changed("xyz", to=1)) == (
-        "my.toml: xyz: unknown key; allowed: name, mirror, screen, camera, element, calibration"
+        "my.toml: xyz: unknown key; allowed: name, mirror, screen, camera, element, calibration, budget"
     )
     assert refusal(changed("q\n\x1b[0m", to=1)).startswith(r"my.toml: 'q\n\x1b[0m': unknown key; ")
 

@@ -30,6 +30,7 @@ def small_scene(pixels: int = 41, preset: str = "sphere") -> Scene:
     return replace(scene, camera=replace(scene.camera, detector=detector))
 
 
-def small_trials(trials: int = 8, sources=SOURCES, seed: int = 1, pixels: int = 41, periods=()) -> Trials:
-    budget = Budget(sources=dict(sources), trials=trials, seed=seed, periods=periods)
+def small_trials(trials: int = 8, sources=SOURCES, seed: int = 1, pixels: int = 41, **more) -> Trials:
+    """more: further keys of the budget."""
+    budget = Budget(sources=dict(sources), trials=trials, seed=seed, **more)
     return Trials.of(MeasuredDesign.of(Setup(small_scene(pixels)), budget.fringes), budget)

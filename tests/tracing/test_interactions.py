@@ -64,8 +64,8 @@ THROUGH = (
         const Offset offset = group_offset(element, rays.group[0]);
         const LocalRay ray = element_ray(element, &rays, 0, &offset);
         Interaction at;
-        at.point = quadric_point((__constant Scene *)0, element, &ray, nearest);
-        at.normal = quadric_normal((__constant Scene *)0, element, at.point);
+        at.point = quadric_point((__constant Scene *)0, (__global const real *)0, element, &ray, nearest);
+        at.normal = quadric_normal((__constant Scene *)0, (__global const real *)0, element, at.point);
         at.along = at.goes = ray.along;
         at.weight = at.arriving = (realv)(1);
         at.event = (intv)(EVENT_NOMINAL);

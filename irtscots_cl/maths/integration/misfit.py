@@ -28,27 +28,28 @@ Values = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Misfit:
-    """Rms misfit of integration as a slope [rad], beside what the slopes' noise leaves, and the rms slope itself.
+    """Rms misfit of integration as a slope [rad], beside what known errors leave of it, and the rms slope itself.
 
     slope: root mean square over all pairs of neighbours of (rise - difference of heights) / distance, corrected for
     the heights that were fitted. expected: the same of noise alone, NaN where the noise is unknown. rms_slope: of the
-    slopes without their mean. NaN for a mask without a loop.
+    slopes without their mean. NaN for a mask without a loop. systematic: the misfit of errors that are known, but no
+    noise.
     """
 
     slope: float
     expected: float
     rms_slope: float
+    systematic: float = 0.0
 
     @property
     def limit(self) -> float:
-        """Largest misfit [rad] that noise or the pixels explain.
+        """Largest misfit [rad] that noise, known errors or the pixels explain.
 
-        The largest of NOISE_LIMIT x expected, SHARE_LIMIT x rms_slope and LEAST_LIMIT; UNKNOWN_NOISE_SHARE x rms_slope
-        or LEAST_LIMIT where the noise is unknown.
+        The largest of NOISE_LIMIT x expected and systematic as squares, SHARE_LIMIT x rms_slope and LEAST_LIMIT;
+        UNKNOWN_NOISE_SHARE x rms_slope where the noise is unknown.
         """
-        if np.isnan(self.expected):
-            return max(UNKNOWN_NOISE_SHARE * self.rms_slope, LEAST_LIMIT)
-        return max(NOISE_LIMIT * self.expected, SHARE_LIMIT * self.rms_slope, LEAST_LIMIT)
+        noise, share = (self.expected, SHARE_LIMIT) if np.isfinite(self.expected) else (0.0, UNKNOWN_NOISE_SHARE)
+        return max(NOISE_LIMIT * float(np.hypot(noise, self.systematic)), share * self.rms_slope, LEAST_LIMIT)
 
     @property
     def suspicious(self) -> bool:
@@ -64,11 +65,13 @@ def integration_misfit(
     mask: ArrayLike,
     noise_x: ArrayLike | None = None,
     noise_y: ArrayLike | None = None,
+    systematic: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Misfit:
     """The `Misfit` of slopes [rows, columns] at the nodes x_mm, y_mm of a mask, as for `integrate_slopes`.
 
     noise_x, noise_y: standard errors of the slopes [rows, columns], if they are known; their errors count as
-    independent. Raises ValueError as `integrate_slopes` does.
+    independent. systematic: other errors of the slopes (x, y) [rows, columns] that are known. Raises ValueError as
+    `integrate_slopes` does.
     """
     graph = node_graph(mask)
     x, y = graph.values("x_mm", x_mm)[0], graph.values("y_mm", y_mm)[0]
@@ -79,7 +82,10 @@ def integration_misfit(
         draws = _draws(x.size)
         noise = [graph.values(f"noise_{a}", n) for a, n in (("x", noise_x), ("y", noise_y))]
         expected = _misfit(graph, x, y, noise[0] * draws[0], noise[1] * draws[1])
-    return Misfit(_misfit(graph, x, y, p, q), expected, rms_slope)
+    known = 0.0
+    if systematic is not None:
+        known = _misfit(graph, x, y, *(graph.values("systematic", part) for part in systematic))
+    return Misfit(_misfit(graph, x, y, p, q), expected, rms_slope, known)
 
 
 def white_noise(misfit: Misfit, x_mm: ArrayLike, y_mm: ArrayLike, mask: ArrayLike) -> float:

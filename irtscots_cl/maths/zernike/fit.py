@@ -8,7 +8,7 @@ has more than MAX_INFLATION are left out: their coefficients would be noise, and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +20,7 @@ from irtscots_cl.maths.zernike.indices import noll_to_nm
 from irtscots_cl.maths.zernike.polynomials import zernike
 
 MAX_INFLATION = 10.0  # of a term's standard error over that on a whole disk
+SAMPLES_OF_PART = 2**13  # of a large matrix: its parts stay in the cache
 _RIM_TOLERANCE = 1e-12
 
 Values = NDArray[np.float64]
@@ -98,6 +99,49 @@ def smoothing_matrix(basis: Values, groups: Groups | None = None) -> Values:
         basis = basis - (basis @ members.T / members.sum(axis=1))[:, groups]
     fit: Values = pinvh(basis @ basis.T, rtol=1e-10) @ basis
     return fit
+
+
+def large_smoothing_matrix(
+    basis_of: Callable[[slice], Values], terms: int, samples: int, groups: Groups | None = None
+) -> NDArray[np.float32]:
+    """As smoothing_matrix, for more samples than memory should hold in float64: sums in float64, the matrix in float32.
+
+    basis_of: the terms [terms, part] at a part of the samples. Apply it with `applied`.
+    """
+    basis, gram = np.empty((terms, samples), np.float32), np.zeros((terms, terms))
+    sums = None if groups is None else np.zeros((terms, int(groups.max()) + 1))
+    for part in _parts(samples):
+        exact = basis_of(part)
+        basis[:, part] = exact
+        gram += exact @ exact.T
+        if sums is not None and groups is not None:
+            sums += exact @ np.equal.outer(groups[part], np.arange(sums.shape[1]))
+    means = None
+    if sums is not None and groups is not None:
+        count = np.bincount(groups, minlength=sums.shape[1])
+        gram -= (sums / count) @ sums.T  # of the basis without its mean over each group
+        means = sums / count
+    solving = pinvh(gram, rtol=1e-10)
+    for part in _parts(samples):
+        values = basis[:, part].astype(np.float64)
+        if means is not None and groups is not None:
+            values -= means[:, groups[part]]
+        basis[:, part] = solving @ values
+    return basis
+
+
+def applied(fit: NDArray[np.floating], values: Values) -> Values:
+    """fit @ values in float64, without a float64 copy of a float32 matrix."""
+    if fit.dtype == np.float64:
+        whole: Values = fit @ values
+        return whole
+    parts = [fit[:, part].astype(np.float64) @ values[part] for part in _parts(len(values))]
+    total: Values = np.sum(parts, axis=0)
+    return total
+
+
+def _parts(samples: int) -> Iterator[slice]:
+    return (slice(first, first + SAMPLES_OF_PART) for first in range(0, samples, SAMPLES_OF_PART))
 
 
 def zernike_fit(

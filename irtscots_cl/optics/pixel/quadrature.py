@@ -9,6 +9,7 @@ Positions are s (along the column) and t (along the row), in half pixel edges; a
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,11 @@ class PixelQuadrature:
     def part(self, chosen: slice | np.ndarray) -> PixelQuadrature:
         """Some of the cells: a slice, or a mask [m]."""
         return PixelQuadrature(*(getattr(self, name)[..., chosen] for name in self.__dataclass_fields__))
+
+    def in_chunks(self, size: int) -> Iterator[PixelQuadrature]:
+        """All cells, size at a time, in at least one chunk: what is computed of a cell needs more memory than it."""
+        for first in range(0, max(len(self.pixel), 1), size):
+            yield self.part(slice(first, first + size))
 
     def sum(self, values: np.ndarray, pixels: int) -> np.ndarray:
         """Sums [pixels] over each pixel's cells of values [m]."""
@@ -73,9 +79,9 @@ def cut_cells(maps: RayMap, pixel: np.ndarray, edge: Edge, along: tuple[int, int
 
 def join(parts: list[PixelQuadrature]) -> PixelQuadrature:
     """All cells of the given quadratures, pixel by pixel."""
-    values = [np.concatenate([getattr(p, name) for p in parts], -1) for name in PixelQuadrature.__dataclass_fields__]
-    order = np.argsort(values[0], kind="stable")
-    return PixelQuadrature(*(v[..., order] for v in values))
+    order = np.argsort(np.concatenate([p.pixel for p in parts]), kind="stable")
+    names = PixelQuadrature.__dataclass_fields__
+    return PixelQuadrature(*(np.concatenate([getattr(p, name) for p in parts], -1)[..., order] for name in names))
 
 
 def without(outer: PixelQuadrature, hole: PixelQuadrature) -> PixelQuadrature:

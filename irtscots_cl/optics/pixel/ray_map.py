@@ -37,6 +37,8 @@ def _monomials(points: np.ndarray) -> np.ndarray:
 
 
 _POINTS = _design()
+MANY_PIXELS = 2**15  # fitted at once; more go in parts of
+PIXELS_OF_PART = 2**12
 RAYS = len(_POINTS)  # to which a pixel's map is fitted
 _FIT = np.linalg.pinv(_monomials(_POINTS))
 
@@ -57,6 +59,17 @@ class RayMap:
     @classmethod
     def of(cls, chief: ChiefRays, row: np.ndarray, column: np.ndarray) -> RayMap:
         """Fit the maps of the pixels row, column [n]."""
+        if row.size <= MANY_PIXELS:
+            return cls._fitted(chief, row, column)
+        coefficient, residual = np.empty((len(_POWERS), len(OUTPUTS), row.size)), np.empty((2, row.size))
+        for first in range(0, row.size, PIXELS_OF_PART):
+            part = slice(first, first + PIXELS_OF_PART)
+            fitted = cls._fitted(chief, row[part], column[part])
+            coefficient[..., part], residual[:, part] = fitted.coefficient, fitted.residual
+        return cls(row, column, coefficient, residual)
+
+    @classmethod
+    def _fitted(cls, chief: ChiefRays, row: np.ndarray, column: np.ndarray) -> RayMap:
         radius = chief.scene.camera.aperture_diameter_mm / 2
         s, t, a, b = _POINTS.T[:, :, None]
         points, u, v = chief.reverse(row + t / 2, column + s / 2, a * radius, b * radius)

@@ -178,17 +178,17 @@ class PixelResponse:
 
         Only for the part of a pixel that sees the mirror; NaN or not finite if there is none.
         """
-        cells = self.cells(output)
-        maps = self.maps.part(cells.pixel)
-        half = sum(
-            np.abs(maps.gradient(output, along, cells.s, cells.t)) * length
-            + np.abs(maps.term(output, 2 * along)) * length**2
-            for along, length in (("s", cells.half_s), ("t", cells.half_t))
-        )
-        centre = maps.centre(output, cells.s, cells.t)
         low, high = np.full(len(self.pixels), np.inf), np.full(len(self.pixels), -np.inf)
-        np.minimum.at(low, cells.pixel, centre - half)
-        np.maximum.at(high, cells.pixel, centre + half)
+        for cells in self.cells(output).in_chunks(CHUNK):
+            maps = self.maps.part(cells.pixel)
+            half = sum(
+                np.abs(maps.gradient(output, along, cells.s, cells.t)) * length
+                + np.abs(maps.term(output, 2 * along)) * length**2
+                for along, length in (("s", cells.half_s), ("t", cells.half_t))
+            )
+            centre = maps.centre(output, cells.s, cells.t)
+            np.minimum.at(low, cells.pixel, centre - half)
+            np.maximum.at(high, cells.pixel, centre + half)
         with np.errstate(invalid="ignore"):
             return (low + high) / 2, (high - low) / 2 + 1.01 * self.spread(output, ("a", "b"))
 
@@ -204,15 +204,20 @@ class PixelResponse:
 
     def _mean(self, output: str) -> np.ndarray:
         cells = self.cells({"x": "u", "y": "v"}.get(output, output))
+        flux, moment = np.concatenate([self._moments(output, part) for part in cells.in_chunks(CHUNK)], axis=1)
+        total = np.where(self.coverage() > 0, cells.sum(flux, len(self.pixels)), np.nan)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return cells.sum(moment, len(self.pixels)) / total
+
+    def _moments(self, output: str, cells: PixelQuadrature) -> np.ndarray:
+        """The light [m] of cells, and that times its mean output, [2, m]."""
         s, t, maps = cells.s, cells.t, self.maps.part(cells.pixel)
         weight, by_s, by_t, by_a, by_b = self.weight(s, t, cells.pixel, cells.half_s, cells.half_t)
         p, q = maps.gradient(output, "a", s, t), maps.gradient(output, "b", s, t)
         centre = self._centre(output, maps, cells, by_s, by_t)
         centre = centre + (maps.term(output, "aa") + maps.term(output, "bb") + by_a * p + by_b * q) / 4
         pushed = (cells.push[0] * p + cells.push[1] * q) / 4
-        total = np.where(self.coverage() > 0, cells.sum(weight * cells.weight, len(self.pixels)), np.nan)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return cells.sum(weight * (cells.weight * centre + pushed), len(self.pixels)) / total
+        return np.stack([weight * cells.weight, weight * (cells.weight * centre + pushed)])
 
     def chord(self, output: str) -> Chord:
         """The pixels' chords along "u" or "v"; all zero for a pixel without a map."""
@@ -244,8 +249,7 @@ class PixelResponse:
         """Shares [n, lines] of the pixels' areas, times cos^4, between adjacent edges_mm [n, lines + 1] of u or v."""
         cells = self.cells(output)
         below = np.zeros(edges_mm.shape)
-        for first in range(0, len(cells.pixel), CHUNK):
-            part = cells.part(slice(first, first + CHUNK))
+        for part in cells.in_chunks(CHUNK):
             np.add.at(below, part.pixel, self._below(output, part, edges_mm[part.pixel]))
         return np.diff(below, axis=1)
 
