@@ -47,13 +47,15 @@ class QuadraticError:
         return tuple(name for name in sorted(self.given) if not self.found[name].source.is_process)
 
     @cached_property
+    def _maps(self) -> FloatArray:
+        """Maps [p, n] in nm of the parameters' sizes, without the terms."""
+        maps = [self.found[name].height_mm * self.given[name].size for name in self._parameters]
+        return self.design.response.without(np.reshape(maps, (-1, self.design.count)), self.remove) * NM
+
+    @cached_property
     def _gram(self) -> FloatArray:
-        """Mean products [p, p] of the parameters' maps of their sizes, nm^2."""
-        if not self._parameters:
-            return np.zeros((0, 0))
-        maps = np.stack([self.found[name].height_mm * self.given[name].size for name in self._parameters])
-        left = self.design.response.without(maps, self.remove) * NM
-        gram: FloatArray = left @ left.T / left.shape[1]
+        """Mean products [p, p] of the parameters' maps, nm^2."""
+        gram: FloatArray = self._maps @ self._maps.T / self.design.count
         return gram
 
     @cached_property
@@ -61,21 +63,24 @@ class QuadraticError:
         """Values [points, p] of the parameters over their sizes."""
         names = self._parameters
         if not names:
-            return np.zeros((1, 0))
+            return np.zeros((POINTS, 0))
         sequence = qmc.Sobol(len(names), scramble=True, rng=np.random.default_rng(0))
         shares = sequence.random_base2(round(math.log2(POINTS))) + CENTRE
         values = drawn(self.given, self.joint, names, shares)
         return np.stack([values[name] / self.given[name].size for name in names], -1)
 
     @cached_property
-    def _processes(self) -> dict[str, float]:
-        """Mean square in nm^2 of each process."""
-        level = LEFT_AFTER.index(self.remove)
-        return {
-            name: float((self.found[name].left_nm[level] * given.size) ** 2)
-            for name, given in self.given.items()
-            if self.found[name].source.is_process
-        }
+    def _processes(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Of each process, for one of its draws at each point: mean square [points], and twice the mean products with
+        the parameters' maps [points, p], nm^2."""
+        random, found = np.random.default_rng(0), {}
+        for name, given in sorted(self.given.items()):
+            if self.found[name].source.is_process:
+                draws = self.design.response.without(self.found[name].height_mm * given.size, self.remove) * NM
+                chosen = random.permutation(np.arange(POINTS) % len(draws))
+                square, product = np.mean(draws**2, axis=1), 2 * draws @ self._maps.T / self.design.count
+                found[name] = square[chosen], product[chosen]
+        return found
 
     def nm(self, factors: Mapping[str, float] | None = None, coverage: float = COVERAGE) -> float:
         """The quantile with each source's size multiplied by a factor, 1 where none is given."""
@@ -83,8 +88,10 @@ class QuadraticError:
         scale = np.array([by.get(name, 1.0) for name in self._parameters])
         points = self._points * scale
         squares = np.einsum("si,ij,sj->s", points, self._gram, points, optimize=True)
-        squares = squares + sum(by.get(name, 1.0) ** 2 * square for name, square in self._processes.items())
-        return float(np.sqrt(np.quantile(squares, coverage)))
+        for name, (square, product) in self._processes.items():
+            factor = by.get(name, 1.0)
+            squares = squares + factor**2 * square + factor * np.sum(product * points, axis=-1)
+        return float(np.sqrt(np.quantile(np.maximum(squares, 0.0), coverage)))
 
 
 @dataclass(frozen=True)
