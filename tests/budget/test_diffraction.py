@@ -70,7 +70,6 @@ def test_curved_places_move_by_the_moment_within_the_mirror():
     place = np.where(square < radius**2, 0.7 * square, np.nan)
     found = blurred(place[None], BLUR, np.array([pitch, pitch]))[0, size // 2, size // 2]
     x = np.pi * radius / BLUR
-    # linear interpolation adds pitch^2 / 6 along each axis
     told = 0.7 * (2 * moment_mm2(radius, BLUR) / (1 - j0(x) ** 2 - j1(x) ** 2))
     assert found == pytest.approx(told, rel=0.05)
     assert found > 0
