@@ -117,10 +117,9 @@ def large_smoothing_matrix(
         if sums is not None and groups is not None:
             sums += exact @ np.equal.outer(groups[part], np.arange(sums.shape[1]))
     means = None
-    if sums is not None:
-        count = np.bincount(groups, minlength=sums.shape[1])
-        gram -= (sums / count) @ sums.T  # of the basis without its mean over each group
-        means = sums / count
+    if sums is not None and groups is not None:
+        means = sums / np.bincount(groups, minlength=sums.shape[1])
+        gram -= means @ sums.T  # of the basis without its mean over each group
     solving = pinvh(gram, rtol=1e-10)
     for part in _parts(samples):
         values = basis[:, part].astype(np.float64)
@@ -135,8 +134,10 @@ def applied(fit: NDArray[np.floating], values: Values) -> Values:
     if fit.dtype == np.float64:
         whole: Values = fit @ values
         return whole
-    parts = [fit[:, part].astype(np.float64) @ values[part] for part in _parts(len(values))]
-    return np.sum(parts, axis=0)
+    total = np.zeros(len(fit))
+    for part in _parts(len(values)):
+        total += fit[:, part].astype(np.float64) @ values[part]
+    return total
 
 
 def _parts(samples: int) -> Iterator[slice]:
