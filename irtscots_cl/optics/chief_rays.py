@@ -6,6 +6,7 @@ All maps have the detector's shape [rows, columns]; coordinates in mm.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -89,9 +90,10 @@ class ChiefRays:
         the camera; the rim is ignored) and the places (u, v) on the screen's grid of pixels [mm], which for a flat
         screen is its frame's plane (NaN also where the reflected ray does not come onto the screen's front).
         """
-        row, column, a_mm, b_mm = np.broadcast_arrays(row, column, a_mm, b_mm)
-        if row.size <= MANY_RAYS:
+        shape = np.broadcast_shapes(*(np.shape(v) for v in (row, column, a_mm, b_mm)))
+        if math.prod(shape) <= MANY_RAYS:
             return self._reverse(row, column, a_mm, b_mm)
+        row, column, a_mm, b_mm = np.broadcast_arrays(row, column, a_mm, b_mm)
         points, u, v = np.empty((*row.shape, 3)), np.empty(row.shape), np.empty(row.shape)
         axis = int(np.argmax(row.shape))
         step = max(1, RAYS_OF_PART * row.shape[axis] // row.size)
@@ -101,7 +103,7 @@ class ChiefRays:
         return points, u, v
 
     def _reverse(self, row, column, a_mm, b_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same for a part of the rays, all arrays of one shape."""
+        """The same for few rays."""
         interruption.check()
         camera, frame = self.scene.camera, self.camera_frame
         image_x, image_y = self.camera_model.image_point(row, column)

@@ -118,9 +118,8 @@ def large_smoothing_matrix(
             sums += exact @ np.equal.outer(groups[part], np.arange(sums.shape[1]))
     means = None
     if sums is not None and groups is not None:
-        count = np.bincount(groups, minlength=sums.shape[1])
-        gram -= (sums / count) @ sums.T  # of the basis without its mean over each group
-        means = sums / count
+        means = sums / np.bincount(groups, minlength=sums.shape[1])
+        gram -= means @ sums.T  # of the basis without its mean over each group
     solving = pinvh(gram, rtol=1e-10)
     for part in _parts(samples):
         values = basis[:, part].astype(np.float64)
