@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -103,7 +101,7 @@ def dotted(axes):
 def test_light_curves_show_all_lines_with_light(run):
     """Near the centre of curvature with the aperture's chord."""
     stack, result, _ = run
-    for axes, scan in zip(light_curve_figure(stack, result).axes, (stack.x, stack.y), strict=True):
+    for axes in light_curve_figure(stack, result).axes:
         low, high = axes.get_xlim()
         curve = axes.containers[0].lines[0]
         lit = curve.get_xdata()[curve.get_ydata() > 0.1 * curve.get_ydata().max()]
@@ -120,7 +118,7 @@ def test_light_that_is_much_wider_than_the_aperture_is_shown_without_its_chord(r
 
 
 def test_a_light_curve_with_missing_samples_is_drawn(run):
-    stack, result, _ = run
+    stack = run[0]
     lines = np.arange(5.0)
     axes = Figure().subplots()
     draw_chord(axes, stack.x, lines, np.array([0.0, 1.0, np.nan, 1.0, 0.0]), 2.0, 1.0)
