@@ -69,11 +69,14 @@ def _fixed() -> dict[str, tuple[str, str]]:
 
 
 _FIXED = _fixed()
+_OF_CURVED = ("mirror.radius_relative", "mirror.conic")
 _SAGS = ("screen.sag_2_0_mm", "screen.sag_1_1_mm", "screen.sag_0_2_mm")
 
 
 def parameter(name: str, scene: Scene) -> Parameter:
-    """The unknown of a name, for a scene. Raises ValueError for an unknown name."""
+    """The unknown of a name, for a scene. Raises ValueError for an unknown name, or what a flat mirror has not."""
+    if name in _OF_CURVED and scene.mirror.is_flat:
+        raise ValueError(f"unknown {name!r}: a flat mirror has none")
     if name in _FIXED:
         unit, text = _FIXED[name]
         if name.removeprefix("camera.") in DISTORTION:
@@ -94,8 +97,12 @@ def parameter(name: str, scene: Scene) -> Parameter:
 
 
 def known_parameters(scene: Scene) -> dict[str, Parameter]:
-    """All unknowns of a scene's geometry by name, without the Zernike terms; of the screen's sag the second order."""
-    return {name: parameter(name, scene) for name in (*_FIXED, *_SAGS)}
+    """All unknowns of a scene's geometry by name, without the Zernike terms; of the screen's sag the second order.
+
+    A flat mirror has neither radius nor conic constant.
+    """
+    without = _OF_CURVED if scene.mirror.is_flat else ()
+    return {name: parameter(name, scene) for name in (*_FIXED, *_SAGS) if name not in without}
 
 
 def zernike_names(nolls: Iterable[int]) -> tuple[str, ...]:

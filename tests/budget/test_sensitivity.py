@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_budget import small_scene
 
+from irtscots_cl.budget.geometry import Geometry
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.noise import PlaceNoise
 from irtscots_cl.budget.sensitivity import NOLLS, sensitivities
 from irtscots_cl.budget.source import Draw
 from irtscots_cl.budget.sources import known_sources
+from irtscots_cl.calibration.parameters import moved
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.presets import load_scene
 
@@ -79,3 +83,11 @@ def test_the_papers_sphere_costs_what_it_does_by_camera_and_screen():
     known = known_sources(design.setup.scene)
     for one in sensitivities(design, [known["camera.x_mm"], known["screen.x_mm"]]):
         assert 0.1 * one.left_nm[1] == pytest.approx(10.75, abs=0.1)
+
+
+def test_every_known_source_of_a_flat_mirror_can_be_changed():
+    scene = small_scene()
+    flat = replace(scene, mirror=replace(scene.mirror, radius_mm=float("inf"), conic=0.0, off_axis_mm=0.0))
+    for name, source in known_sources(flat).items():
+        if isinstance(source, Geometry):
+            assert moved(flat, {name: source.usual}) != flat

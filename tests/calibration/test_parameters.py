@@ -22,6 +22,16 @@ def test_nothing_changed_is_the_same_scene():
     assert moved(scene, {}) == scene == moved(scene, dict.fromkeys(known_parameters(scene), 0.0))
 
 
+def test_a_flat_mirror_has_neither_radius_nor_conic_constant():
+    scene = load_scene("sphere")
+    flat = replace(scene, mirror=replace(scene.mirror, radius_mm=float("inf")))
+    missing = {"mirror.radius_relative", "mirror.conic"}
+    assert set(known_parameters(scene)) - set(known_parameters(flat)) == missing
+    for name in missing:
+        with pytest.raises(ValueError, match="a flat mirror has none"):
+            parameter(name, flat)
+
+
 @pytest.mark.parametrize("name", [*known_parameters(lopsided()), *zernike_names([4, 11])])
 def test_every_known_unknown_can_be_changed(name):
     scene = lopsided()

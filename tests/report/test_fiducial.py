@@ -83,7 +83,7 @@ def test_a_map_that_is_seen_at_a_slant_is_labelled_with_the_detectors_columns():
     row, column = np.meshgrid(np.arange(100.0), np.arange(100.0), indexing="ij")
     mask = np.ones(row.shape, bool)
     labels = []
-    for slant in (1e-3, 3e-3):
+    for slant in (3e-4, 3e-3):
         x, y = (1000 * (c / 100 - 0.5) / (1 + slant * column) for c in (column, row))
         labels.append(MapFrame.of(x, y, mask).x_label)
     assert labels == ["mirror x [mm]", "detector column"]
