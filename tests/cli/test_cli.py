@@ -780,7 +780,7 @@ def test_noise_that_does_not_work_is_refused(irtscots, here):
 
 def test_paths_warns_on_one_line_of_height_that_rounding_adds(irtscots, device, here):
     (here / "segment.toml").write_text(large_segment(9).to_toml())
-    code, out, err = irtscots("paths", "segment.toml", "--rays-per-pixel", 8, "--device", device.index, "--quiet")
+    code, out, err = irtscots("paths", "segment.toml", "--rays-per-pixel", 64, "--device", device.index, "--quiet")
     assert code == 0 and "paths from the screen to the detector" in out
     assert re.fullmatch(
         r"irtscots: warning: precision fp32: segment: rounding adds \S+ nm rms to the height .*; fp64 does not\n", err

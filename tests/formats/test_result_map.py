@@ -93,7 +93,7 @@ def test_broken_files_give_one_line(tmp_path):
     path = written(tmp_path / "a.h5", x, y, deviation_nm(x, y))
     open_map(path)  # what the libraries take at import is no file's memory
     data = path.read_bytes()
-    results = [outcome(path, broken(data, random.Random(number))) for number in range(100)]
+    results = [outcome(path, broken(data, random.Random(number)), MapOptions()) for number in range(100)]
     assert 20 < sum(result != "read" for result in results) < 100
 
 

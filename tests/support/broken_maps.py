@@ -45,12 +45,12 @@ def broken(data, rng):
     return bytes(data)
 
 
-def outcome(path, data):
+def outcome(path, data, told=TOLD):
     """ "read", or the one line that says why not. Anything else is raised; memory is checked, too."""
     path.write_bytes(data)
     tracemalloc.start()
     try:
-        open_map(path, TOLD)
+        open_map(path, told)
         return "read"
     except ValueError as error:
         said = str(error)
