@@ -6,7 +6,7 @@ OPENBLAS_NUM_THREADS=1 python tools/budget_cost.py sphere --trials 400
 from __future__ import annotations
 
 import argparse
-import resource
+import math
 import time
 from collections.abc import Callable
 from typing import Any
@@ -21,6 +21,7 @@ from irtscots_cl.budget.trials import Trials
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.system.memory import peak_bytes
 
 SHARE = 0.1  # of each usual value
 
@@ -28,7 +29,7 @@ SHARE = 0.1  # of each usual value
 def clocked(what: str, call: Callable[[], Any]) -> None:
     began = time.process_time()
     call()
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    memory = (peak_bytes() or math.nan) / 1e6
     print(f"{what:44}{time.process_time() - began:8.2f} s   peak so far {memory:6.0f} MB", flush=True)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
+import math
 import subprocess
 import sys
 import tempfile
@@ -18,6 +18,8 @@ import time
 from pathlib import Path
 
 import numpy as np
+
+from irtscots_cl.system.memory import peak_bytes
 
 PERIODS, STEPS, AXES = (0.9, 3.9, 15.9, 31.9), 8, "xy"
 LEVEL, CONTRAST, NOISE = 2000.0, 1500.0, 10.0  # counts
@@ -115,8 +117,7 @@ def decoded(folder: Path) -> dict[str, object]:
 
 
 def peak_gib() -> float:
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / GIB
+    return (peak_bytes() or math.nan) / GIB
 
 
 if __name__ == "__main__":

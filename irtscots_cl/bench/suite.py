@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from irtscots_cl.bench.accuracy import run_accuracy
 from irtscots_cl.bench.scaling import run_scaling
 from irtscots_cl.bench.throughput import run_throughput
 from irtscots_cl.opencl.device import Device
+from irtscots_cl.system.memory import peak_bytes
 from irtscots_cl.system.versions import versions
 
 
@@ -43,12 +43,8 @@ def conditions(device: Device) -> dict:
 
 def peak_memory_mib() -> float | None:
     """Peak memory of this process in MiB; None if the system does not report it."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    unit = 2**20 if sys.platform == "darwin" else 2**10  # macOS counts bytes, others KiB
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+    found = peak_bytes()
+    return None if found is None else found / 2**20
 
 
 def _git_revision() -> str:

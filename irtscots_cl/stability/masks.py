@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import multiprocessing
-import resource
 import time
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from skimage.measure import label
 
 from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.stability.checks import Bench, Case, Finding, Limit, count, finding
+from irtscots_cl.system.memory import peak_bytes
 
 SIZE = 64
 STEP_MM = 2.0
@@ -87,16 +86,7 @@ def _large_job(size: int, answer) -> None:
     found = integrate_slopes(x, y, slope_x, slope_y, np.ones((size, size), bool))
     seconds = time.perf_counter() - started
     error = found - (height - height.mean())
-    answer.send((np.abs(error).max(), np.sqrt(np.mean(error**2)), seconds, _peak_kib()))
-
-
-def _peak_kib() -> int:
-    """Peak memory of this process in KiB. Linux' rusage also counts the parent's memory from before exec."""
-    try:
-        status = Path("/proc/self/status").read_text(encoding="ascii")
-    except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return int(next(line for line in status.splitlines() if line.startswith("VmHWM:")).split()[1])
+    answer.send((np.abs(error).max(), np.sqrt(np.mean(error**2)), seconds, peak_bytes() or np.nan))
 
 
 def _large(bench: Bench) -> list[Finding]:
@@ -114,7 +104,7 @@ def _large(bench: Bench) -> list[Finding]:
     return [
         Finding("height", largest * 1e6, rms * 1e6, LARGE**2, limit),
         finding("time", [seconds], SECONDS),
-        finding("memory of the process", [memory / 2**20], MEMORY),
+        finding("memory of the process", [memory / 2**30], MEMORY),
     ]
 
 

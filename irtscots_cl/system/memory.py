@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -32,3 +33,16 @@ def check_memory(what: str, nbytes: float) -> None:
     if nbytes > memory_bytes():
         least = f"{nbytes / GIB:.1f} GiB of memory"
         raise ValueError(f"{what}: takes about {least}; must fit the {memory_bytes() / GIB:.1f} GiB that there are")
+
+
+def peak_bytes() -> float | None:
+    """The most memory that this process has held; None if the system does not tell."""
+    with suppress(OSError):  # Linux' rusage also counts what the parent held before exec
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+        return 1024 * float(next(line for line in status.splitlines() if line.startswith("VmHWM:")).split()[1])
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    unit = 1 if sys.platform == "darwin" else 1024  # macOS counts bytes, others KiB
+    return float(unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)

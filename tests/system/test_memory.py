@@ -18,7 +18,7 @@ from irtscots_cl.imaging.image_files import read_images
 from irtscots_cl.optics.chief_rays import BYTES_PER_PIXEL
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.system import memory
-from irtscots_cl.system.memory import check_memory, memory_bytes
+from irtscots_cl.system.memory import check_memory, memory_bytes, peak_bytes
 
 resource = pytest.importorskip("resource")  # limits of memory: POSIX systems
 
@@ -126,3 +126,13 @@ def test_running_out_of_memory_is_one_line(monkeypatch, capsys):
     monkeypatch.setattr("irtscots_cl.cli.common.load_scene", out)
     assert main(["run", "sphere"]) == 3
     assert capsys.readouterr().err == "irtscots: too little memory on the host: Unable to allocate 9 PiB\n"
+
+
+def test_the_peak_is_this_processes_own():
+    """Of a small process started by one that has held much: what the parent held is not counted."""
+    held = np.ones(2**26)  # 512 MiB
+    assert peak_bytes() > held.nbytes
+    code = "from irtscots_cl.system.memory import peak_bytes; print(peak_bytes())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert 2**22 < float(done.stdout) < 2**28
+    del held
