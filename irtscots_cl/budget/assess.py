@@ -50,7 +50,7 @@ def assess(
     budget = budget or setup.scene.budget or Budget()
     if not 0 <= trial < budget.trials:
         raise ValueError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
-    design = MeasuredDesign.of(setup, budget.fringes, budget.air)
+    design = MeasuredDesign.of_budget(setup, budget)
     trials = Trials.of(design, budget)
     others = [source for name, source in known_sources(setup.scene).items() if name not in trials.budget.sources]
     found = {one.source.name: one for one in sensitivities(design, others, procedure=trials.procedure)}

@@ -13,10 +13,9 @@ import numpy as np
 
 from irtscots_cl.budget.frames import LineFrames
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.source import Draw, stream_of
+from irtscots_cl.budget.source import Draw
 from irtscots_cl.imaging.detector import electrons_per_w
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.maths.counter_random import normal
 from irtscots_cl.optics.pixel.light import whole_flux_w
 
 ROUNDING = 12**-0.5  # rms of an even error of one step
@@ -36,7 +35,7 @@ class ReadNoise:
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
         rms = [np.sqrt(np.sum(weights**2, -1)) for weights in design.frames.of_addition]
-        return value * np.stack(rms) * _normal(self.name, design, draw)
+        return value * np.stack(rms) * draw.normal(self.name, 2, design.count)
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ class Quantisation:
             dark = signal < value / 2
             bias.append(-np.sum(np.where(dark, signal * weights, 0.0), -1))
             rms.append(value * ROUNDING * np.sqrt(np.sum(np.where(dark, 0.0, weights) ** 2, -1)))
-        found: FloatArray = np.stack(bias) + np.stack(rms) * _normal(self.name, design, draw)
+        found: FloatArray = np.stack(bias) + np.stack(rms) * draw.normal(self.name, 2, design.count)
         return found
 
 
@@ -83,7 +82,7 @@ class SceneNoise:
             square = floor + (signal * peak + dark if noise.shot_noise else 0.0)
             rms.append(np.sqrt(np.sum(weights**2 * square, -1)) / peak)
         frames = noise.frames_averaged * noise.exposures
-        return value / frames**0.5 * np.stack(rms) * _normal(self.name, design, draw)
+        return value / frames**0.5 * np.stack(rms) * draw.normal(self.name, 2, design.count)
 
 
 def has_noise(noise: Any) -> bool:
@@ -98,8 +97,3 @@ def _peak_electrons(design: MeasuredDesign, noise: Any) -> float:
     share = design.frames.brightest if isinstance(design.frames, LineFrames) else 1.0
     flux = whole_flux_w(design.setup.chief_rays) * share
     return electrons_per_w(noise, flux) * flux
-
-
-def _normal(name: str, design: MeasuredDesign, draw: Draw) -> FloatArray:
-    """Normal numbers [2, n] of a process."""
-    return normal(draw.seed, stream_of(name), (draw.trial, 0), 2 * design.count).reshape(2, -1)

@@ -7,7 +7,7 @@ same sample of pixels, at most 160 x 160.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,7 @@ from irtscots_cl.calibration.seen_pixels import SeenPixels, seen_pixels
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.reconstruction import surface_of
 from irtscots_cl.optics.setup import Setup
-from irtscots_cl.scene.error_sources import Air
+from irtscots_cl.scene.error_sources import Air, Budget
 
 METHOD = "southwell"
 
@@ -47,9 +47,18 @@ class MeasuredDesign:
         nominal = setup.nominal
         return cls(nominal, seen_pixels(nominal), fringes, air or Air())
 
+    @classmethod
+    def of_budget(cls, setup: Setup, budget: Budget) -> MeasuredDesign:
+        """Of a set-up's design, with the frames and the air of a budget. Raises the errors of seen_pixels."""
+        return cls.of(setup, budget.fringes, budget.air)
+
+    def on(self, seen: SeenPixels) -> MeasuredDesign:
+        """The same on other pixels."""
+        return replace(self, seen=seen, derivatives={})
+
     def coarse(self, most_per_axis: int) -> MeasuredDesign:
         """The same on fewer pixels."""
-        return MeasuredDesign(self.setup, seen_pixels(self.setup, most_per_axis), self.fringes, self.air)
+        return self.on(seen_pixels(self.setup, most_per_axis))
 
     @property
     def count(self) -> int:

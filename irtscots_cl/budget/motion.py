@@ -12,9 +12,8 @@ import numpy as np
 
 from irtscots_cl.budget.geometry import Geometry, geometry_derivative
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.source import Draw, stream_of
+from irtscots_cl.budget.source import Draw
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.maths.counter_random import normal
 
 VIBRATION, DRIFT = "vibration.", "drift."
 
@@ -45,9 +44,7 @@ class Vibration:
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
-        x_frames, y_frames = design.frames.counts
-        shifts = value * normal(draw.seed, stream_of(self.name), (draw.trial, draw.repeat), x_frames + y_frames)
-        return _moved(design, self.of, shifts)
+        return _moved(design, self.of, value * draw.normal(self.name, sum(design.frames.counts)))
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.source import Draw, stream_of
+from irtscots_cl.budget.source import Draw
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.maths.counter_random import normal
 
 
 @dataclass(frozen=True)
@@ -25,8 +24,7 @@ class PlaceNoise:
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
-        numbers = normal(draw.seed, stream_of(self.name), (draw.trial, draw.repeat), 2 * design.count)
-        return value * numbers.reshape(2, -1)
+        return value * draw.normal(self.name, 2, design.count)
 
 
 @dataclass(frozen=True)
@@ -46,6 +44,5 @@ class PhotonNoise:
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
         width = np.sqrt(np.einsum("iin->in", design.light.covariance_mm2))
-        numbers = normal(draw.seed, stream_of(self.name), (draw.trial, draw.repeat), 2 * design.count)
-        found: FloatArray = value * width * numbers.reshape(2, -1)
+        found: FloatArray = value * width * draw.normal(self.name, 2, design.count)
         return found

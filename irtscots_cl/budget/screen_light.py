@@ -8,9 +8,8 @@ import numpy as np
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.motion import of_frames, times
-from irtscots_cl.budget.source import Draw, stream_of
+from irtscots_cl.budget.source import Draw
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.maths.counter_random import normal, uniform
 
 
 @dataclass(frozen=True)
@@ -28,11 +27,10 @@ class PixelBrightness:
         """Changes (du, dv) [2, n] of the places in one trial: of the mean of what a pixel sees, weighted; NaN for a
         value above 1."""
         columns, rows = design.setup.scene.screen.pixels
-        even = uniform(draw.seed, stream_of(self.name), (draw.trial, 0), columns * rows)
-        factor = 1 + value * (2 * even - 1)
+        factor = 1 + value * (2 * draw.uniform(self.name, rows, columns) - 1)
         if value > 1:  # less than no light
             return np.full((2, design.count), np.nan)
-        return weighted(design, factor.reshape(rows, columns))
+        return weighted(design, factor)
 
 
 @dataclass(frozen=True)
@@ -50,8 +48,8 @@ class DeadPixels:
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
         columns, rows = design.setup.scene.screen.pixels
-        even = uniform(draw.seed, stream_of(self.name), (draw.trial, 0), columns * rows)
-        return np.nan_to_num(weighted(design, np.where(even < value**2, 0.0, 1.0).reshape(rows, columns)))
+        even = draw.uniform(self.name, rows, columns)
+        return np.nan_to_num(weighted(design, np.where(even < value**2, 0.0, 1.0)))
 
 
 def weighted(design: MeasuredDesign, factor: FloatArray) -> FloatArray:
@@ -82,7 +80,7 @@ class FrameBrightness:
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
-        factors = value * normal(draw.seed, stream_of(self.name), (draw.trial, draw.repeat), sum(design.frames.counts))
+        factors = value * draw.normal(self.name, sum(design.frames.counts))
         return of_frames(design, factors, shift=False)
 
 

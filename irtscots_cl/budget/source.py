@@ -6,24 +6,34 @@ A *process* makes many random numbers in a test, and its value is their size: th
 
 from __future__ import annotations
 
+import math
 import zlib
 from dataclasses import dataclass
 from typing import Protocol
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.counter_random import normal, uniform
 
 
 @dataclass(frozen=True)
 class Draw:
     """Which random numbers of a process: those of a trial, by seed; the process's own stream comes from its name.
 
-    repeat: number of the measurement in a trial that has several.
+    repeat: number of the measurement in a trial that has several; always 0 for what stays the same in all of them.
     """
 
     seed: int
     trial: int
     repeat: int = 0
+
+    def normal(self, name: str, *shape: int) -> FloatArray:
+        """Standard normal numbers of that shape, of the process of that name."""
+        return normal(self.seed, stream_of(name), (self.trial, self.repeat), math.prod(shape)).reshape(shape)
+
+    def uniform(self, name: str, *shape: int) -> FloatArray:
+        """Numbers in (0, 1) of that shape, of the process of that name."""
+        return uniform(self.seed, stream_of(name), (self.trial, self.repeat), math.prod(shape)).reshape(shape)
 
 
 def stream_of(name: str) -> int:

@@ -8,7 +8,7 @@ the chief ray. From frame to frame the wind moves the layers on, in a direction 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import next_fast_len
@@ -16,9 +16,8 @@ from scipy.fft import next_fast_len
 from irtscots_cl.budget.light_sample import LINEAR, VARIANCES
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.ray_bends import LAYERS
-from irtscots_cl.budget.source import Draw, stream_of
+from irtscots_cl.budget.source import Draw
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.maths.counter_random import normal, uniform
 from irtscots_cl.maths.von_karman import slopes
 
 NM_PER_MM = 1e6
@@ -42,9 +41,10 @@ class Turbulence:
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
         size, step = _grid(design)
-        stream = stream_of(self.name)
-        numbers = normal(draw.seed, stream, (draw.trial, 0), 2 * size**2).reshape(2, size, size)
-        (turn,) = 2 * np.pi * uniform(draw.seed, stream, (draw.trial, 1), 1)
+        # two places for each measurement: of the layers and of the wind
+        layers, wind_at = (replace(draw, repeat=2 * draw.repeat + k) for k in range(2))
+        numbers = layers.normal(self.name, 2, size, size)
+        (turn,) = 2 * np.pi * wind_at.uniform(self.name, 1)
         tilts = slopes(numbers[0] + 1j * numbers[1], step, design.air.outer_scale_mm, _light_mm(design))
         wind = design.air.wind_mm_per_s * design.air.frame_s * np.array([np.cos(turn), np.sin(turn)])
         return value / NM_PER_MM * _changes(design, tilts.reshape(len(LAYERS), -1, 2), step, wind)

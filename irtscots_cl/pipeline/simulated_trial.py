@@ -15,7 +15,6 @@ from scipy.ndimage import binary_erosion
 
 from irtscots_cl.budget.brightness import TERMS, Brightness
 from irtscots_cl.budget.geometry import Geometry
-from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.sensitivity import NM
 from irtscots_cl.budget.trials import Trials
 from irtscots_cl.calibration.parameters import moved
@@ -165,7 +164,7 @@ def _on_pixels(trials: Trials, chosen: BoolArray) -> Trials:
         raise ValueError(
             f"--images: {np.count_nonzero(mask)} pixels see the mirror alone, off its rim; must be {FEWEST}"
         )
-    return trials.on(MeasuredDesign(trials.design.setup, replace(seen, mask=mask), trials.design.fringes))
+    return trials.on(trials.design.on(replace(seen, mask=mask)))
 
 
 def _by_errors(

@@ -44,7 +44,7 @@ def judge_map(
         raise ValueError("--result: must have a scene with error sources: give them in [budget.sources]")
     setup = Setup.of(scene)
     read = open_map(path).as_kind(SURFACE)
-    design = MeasuredDesign.of(setup, budget.fringes)
+    design = MeasuredDesign.of_budget(setup, budget)
     trials = Trials.of(design, budget)
     heights = heights_at_pixels(read, design, path)
     used = np.isfinite(heights)

@@ -9,6 +9,7 @@ from small_budget import small_scene
 from irtscots_cl.budget.geometry import geometry_changes
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.error_sources import Air, Budget
 
 
 @pytest.fixture(scope="module")
@@ -31,3 +32,10 @@ def test_errors_of_several_tests_are_those_of_each(design):
     both = design.heights_mm(changes)
     for one, alone in zip(both, changes, strict=True):
         assert np.abs(one - design.heights_mm(alone)).max() < 1e-13  # rounding of solvers for several maps
+
+
+def test_a_design_has_the_frames_and_the_air_of_its_budget_on_all_pixels():
+    budget = Budget(periods=(2.0, 9.0), steps=5, air=Air(outer_scale_mm=300.0))
+    design = MeasuredDesign.of_budget(Setup(small_scene()), budget)
+    for one in (design, design.coarse(20), design.on(design.seen)):
+        assert (one.fringes, one.air) == (((2.0, 9.0), 5), budget.air)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
-from small_budget import SOURCES, small_trials
+from small_budget import SOURCES, small_scene, small_trials
 
+from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.sources import known_sources, source_of
 from irtscots_cl.budget.trials import quantile
+from irtscots_cl.optics.setup import Setup
+from irtscots_cl.scene.detector_noise import DetectorNoise
 from irtscots_cl.scene.error_sources import Distribution
 from irtscots_cl.scene.validation import SceneError
 
@@ -52,3 +59,18 @@ def test_other_seeds_are_other_trials():
 def test_an_unknown_source_is_one_line():
     with pytest.raises(SceneError, match=r"^sphere: budget.sources.'camera.w_mm': unknown source; did you mean camera"):
         small_trials(sources={"camera.w_mm": 0.1})
+
+
+def test_what_does_not_stay_is_another_draw_in_every_exposure():
+    """All processes that there are, of a scene with noise of its own, and vibration."""
+    scene = small_scene(31)
+    noise = DetectorNoise(electrons_at_peak=1e4, shot_noise=True)
+    detector = replace(scene.camera.detector, noise=noise)
+    scene = replace(scene, camera=replace(scene.camera, detector=detector))
+    sources = [*known_sources(scene).values(), source_of("vibration.camera.x_mm", scene)]
+    again = [source for source in sources if not source.stays]
+    assert len(again) >= 8 and all(source.is_process for source in again)
+    design = MeasuredDesign.of(Setup(scene))
+    for source in again:
+        first, other = (source.changes_mm(design, source.usual, Draw(1, 2, repeat)) for repeat in (0, 1))
+        assert not np.array_equal(first, other), source.name

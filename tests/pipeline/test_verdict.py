@@ -15,7 +15,7 @@ from irtscots_cl.formats.maps import write_map
 from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.verdict import heights_at_pixels, judge_map
-from irtscots_cl.scene.error_sources import Budget
+from irtscots_cl.scene.error_sources import Air, Budget
 
 BUDGET = Budget(sources={"camera.x_mm": 0.1, "screen.x_mm": 0.1})
 NM = 1e-6
@@ -78,6 +78,13 @@ def test_a_wavefronts_map_is_halved(setup, tmp_path):
     write_map(tmp_path / "m.npz", astigmatism(setup, 300.0).as_kind(WAVEFRONT))
     found = judge_map(setup, BUDGET, tmp_path / "m.npz")
     assert found.zernikes[6].estimate == pytest.approx(300, abs=0.1) and found.judged == ()
+
+
+def test_the_verdict_is_by_the_frames_and_the_air_of_the_budget(setup, tmp_path):
+    write_map(tmp_path / "m.npz", astigmatism(setup, 300.0))
+    budget = replace(BUDGET, periods=(2.0, 9.0), air=Air(outer_scale_mm=300.0))
+    design = judge_map(setup, budget, tmp_path / "m.npz").trials.design
+    assert (design.fringes, design.air) == (budget.fringes, budget.air)
 
 
 def test_what_cannot_be_judged_is_one_line(setup, tmp_path):
