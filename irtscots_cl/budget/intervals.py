@@ -14,12 +14,11 @@ from functools import cached_property
 
 import numpy as np
 from scipy.special import ndtri
-from scipy.stats import qmc
 
+from irtscots_cl.budget.distributions import even_shares, quantile
 from irtscots_cl.budget.joint import NONE, Joint
-from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.sensitivity import NM, NOLLS, Sensitivity, zernike_basis
-from irtscots_cl.budget.trials import CENTRE, quantile
+from irtscots_cl.budget.measured_design import NOLLS, MeasuredDesign
+from irtscots_cl.budget.sensitivity import NM, Sensitivity
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.scene.error_sources import Distribution
@@ -72,8 +71,7 @@ class ErrorSamples:
             dimensions += len(together)
         if not dimensions:
             return np.zeros((0, int(self.used.sum()))), np.zeros((1, 0))
-        sequence = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(0))
-        shares = sequence.random_base2(round(math.log2(SAMPLES))) + CENTRE
+        shares = even_shares(dimensions, SAMPLES, 0)
         values = np.empty_like(shares)
         for given, process, where in columns:
             part = shares[:, where]
@@ -83,7 +81,7 @@ class ErrorSamples:
     @cached_property
     def _inverse(self) -> FloatArray:
         """[terms, used] from heights to NOLLS."""
-        found: FloatArray = np.linalg.pinv(zernike_basis(self.design)[self.used])
+        found: FloatArray = np.linalg.pinv(self.design.zernike_basis[self.used])
         return found
 
     def zernikes(self, height_mm: FloatArray, coverage: float = COVERAGE) -> dict[int, Interval]:
@@ -123,7 +121,7 @@ class ErrorSamples:
     def _fitted(self, heights: FloatArray, nolls: tuple[int, ...]) -> FloatArray:
         """The part of heights [..., used] that some of NOLLS explain."""
         columns = [NOLLS.index(noll) for noll in nolls]
-        basis = np.linalg.qr(zernike_basis(self.design)[self.used][:, columns])[0]
+        basis = np.linalg.qr(self.design.zernike_basis[self.used][:, columns])[0]
         found: FloatArray = (heights @ basis) @ basis.T
         return found
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from irtscots_cl.budget.joint import NONE, Joint
-from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.sensitivity import NM, NOLLS, Sensitivity, zernike_coefficients
+from irtscots_cl.budget.measured_design import NOLLS, MeasuredDesign
+from irtscots_cl.budget.sensitivity import NM, Sensitivity, zernike_coefficients
 from irtscots_cl.calibration.height_response import LEFT_AFTER
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.error_sources import Distribution

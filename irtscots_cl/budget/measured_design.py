@@ -18,11 +18,13 @@ from irtscots_cl.budget.ray_bends import RayBends
 from irtscots_cl.calibration.height_response import HeightResponse
 from irtscots_cl.calibration.seen_pixels import SeenPixels, seen_pixels
 from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.measurement.reconstruction import surface_of
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Air, Budget
 
 METHOD = "southwell"
+NOLLS = tuple(range(1, 16))  # Zernike terms that are stated: to radial order 4
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,19 @@ class MeasuredDesign:
     def count(self) -> int:
         """Number n of pixels."""
         return int(np.count_nonzero(self.seen.mask))
+
+    @cached_property
+    def zernike_basis(self) -> FloatArray:
+        """Values [n, terms] of NOLLS at the pixels, on the mirror's disk."""
+        seen, radius = self.seen, self.setup.chief_rays.surface.aperture_radius_mm
+        x, y = seen.x_mm[seen.mask] / radius, seen.y_mm[seen.mask] / radius
+        return np.stack([zernike(noll, x, y) for noll in NOLLS], -1)
+
+    @cached_property
+    def zernike_fit(self) -> FloatArray:
+        """[terms, n] from heights to NOLLS, fitted together."""
+        found: FloatArray = np.linalg.pinv(self.zernike_basis)
+        return found
 
     @cached_property
     def places_mm(self) -> FloatArray:

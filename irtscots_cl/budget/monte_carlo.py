@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from irtscots_cl.budget.sensitivity import NM, NOLLS, zernike_coefficients
+from irtscots_cl.budget.measured_design import NOLLS
+from irtscots_cl.budget.sensitivity import NM, zernike_coefficients
 from irtscots_cl.budget.trials import NotMeasuredError, Trials
 from irtscots_cl.calibration.height_response import LEFT_AFTER
 from irtscots_cl.maths.arrays import BoolArray, FloatArray

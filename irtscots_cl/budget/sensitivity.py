@@ -16,12 +16,10 @@ from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.procedure import Procedure
 from irtscots_cl.budget.source import Draw, Source
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.scene.validation import SceneError
 
 DRAWS = 32  # of a process: its rms to 12 %
 MANY_DRAWS = 512  # of one whose intervals are wanted: standard deviations to 3 %
-NOLLS = tuple(range(1, 16))  # terms that are stated: to radial order 4
 DIFFERENCE = 1e-3  # of the usual value, for derivatives by differences
 NONLINEAR = 0.01  # share of the height that is not in proportion to the value, where linearity ends
 NOTHING_MM = 1e-10  # rms height: a source that does nothing but rounding
@@ -145,12 +143,5 @@ def _of_process(procedure: Procedure, source: Source, draws: int) -> Sensitivity
 
 def zernike_coefficients(design: MeasuredDesign, heights: FloatArray) -> FloatArray:
     """Coefficients [..., terms] of NOLLS, fitted together, of heights [..., n], in their unit."""
-    found: FloatArray = heights @ np.linalg.pinv(zernike_basis(design)).T
+    found: FloatArray = heights @ design.zernike_fit.T
     return found
-
-
-def zernike_basis(design: MeasuredDesign) -> FloatArray:
-    """Values [n, terms] of NOLLS at the pixels, on the mirror's disk."""
-    seen, radius = design.seen, design.setup.chief_rays.surface.aperture_radius_mm
-    x, y = seen.x_mm[seen.mask] / radius, seen.y_mm[seen.mask] / radius
-    return np.stack([zernike(noll, x, y) for noll in NOLLS], -1)

@@ -13,12 +13,11 @@ from functools import cached_property
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import qmc
 
+from irtscots_cl.budget.distributions import drawn, even_shares
 from irtscots_cl.budget.joint import NONE, Joint
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.sensitivity import NM, Sensitivity
-from irtscots_cl.budget.trials import CENTRE, drawn
 from irtscots_cl.calibration.height_response import LEFT_AFTER
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.error_sources import Distribution
@@ -64,9 +63,7 @@ class QuadraticError:
         names = self._parameters
         if not names:
             return np.zeros((POINTS, 0))
-        sequence = qmc.Sobol(len(names), scramble=True, rng=np.random.default_rng(0))
-        shares = sequence.random_base2(round(math.log2(POINTS))) + CENTRE
-        values = drawn(self.given, self.joint, names, shares)
+        values = drawn(self.given, self.joint, names, even_shares(len(names), POINTS, 0))
         return np.stack([values[name] / self.given[name].size for name in names], -1)
 
     @cached_property

@@ -6,15 +6,13 @@ turned into values by the inverse of their distributions. Dimensions belong to n
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import ndtri
-from scipy.stats import qmc
 
+from irtscots_cl.budget.distributions import drawn, even_shares
 from irtscots_cl.budget.geometry import geometry_changes
 from irtscots_cl.budget.joint import NONE, Joint, with_calibrated
 from irtscots_cl.budget.measured_design import MeasuredDesign
@@ -22,26 +20,12 @@ from irtscots_cl.budget.procedure import Procedure, is_figure
 from irtscots_cl.budget.source import Draw, Source
 from irtscots_cl.budget.sources import geometry_sources, source_of
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.scene.error_sources import Budget, Distribution
+from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.validation import SceneError, problem
-
-CENTRE = 2.0**-31  # of Sobol's cells: the numbers are multiples of 2^-30, and 0 has no inverse
 
 
 class NotMeasuredError(Exception):
     """A trial of which no height map can be made; the message says why."""
-
-
-def quantile(distribution: Distribution, share: FloatArray) -> FloatArray:
-    """Values below which a share (0 to 1) of a distribution lies."""
-    size = distribution.size
-    if distribution.kind == "normal":
-        values: FloatArray = size * ndtri(share)
-        return values
-    if distribution.kind == "uniform":
-        return size * (2 * share - 1)
-    low = np.sqrt(2 * np.minimum(share, 1 - share))  # triangular
-    return size * np.where(share < 0.5, low - 1, 1 - low)
 
 
 @dataclass(frozen=True)
@@ -90,9 +74,8 @@ class Trials:
         names = [source.name for source in self.parameters]
         if not names:
             return {}
-        sequence = qmc.Sobol(len(names), scramble=True, rng=np.random.default_rng(self.budget.seed))
-        points = sequence.random_base2(math.ceil(math.log2(self.budget.trials)))[: self.budget.trials] + CENTRE
-        return drawn(self.budget.sources, self.joint, names, points)
+        shares = even_shares(len(names), self.budget.trials, self.budget.seed)
+        return drawn(self.budget.sources, self.joint, names, shares)
 
     def values_of(self, trial: int) -> dict[str, float]:
         """Values of all sources in a trial; of processes, their sizes."""
@@ -152,20 +135,6 @@ class Trials:
         if dark := found.shape[1] - np.count_nonzero(np.isfinite(found).all(0)):
             raise NotMeasuredError(f"{dark} of {found.shape[1]} pixels see no light of the screen")
         return found
-
-
-def drawn(
-    given: Mapping[str, Distribution], joint: Joint, names: Sequence[str], shares: FloatArray
-) -> dict[str, FloatArray]:
-    """Values [points] by name, of shares [points, names] of the distributions; of joint sources, together."""
-    together = [names.index(name) for name in joint.names if name in names]
-    if together:
-        found = joint.values(ndtri(shares[:, together])).T
-        values = dict(zip(joint.names, found, strict=True))
-    else:
-        values = {}
-    return {name: values[name] if name in values else quantile(given[name], shares[:, k])
-            for k, name in enumerate(names)}  # fmt: skip
 
 
 def changes_mm(

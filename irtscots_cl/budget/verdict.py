@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from irtscots_cl.budget.intervals import ErrorSamples, Interval
-from irtscots_cl.budget.sensitivity import NOLLS
+from irtscots_cl.budget.measured_design import NOLLS
 from irtscots_cl.budget.trials import Trials
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.maths.zernike.indices import noll_to_nm

@@ -10,8 +10,7 @@ import numpy as np
 
 from irtscots_cl.budget.assess import own_sensitivities
 from irtscots_cl.budget.intervals import ErrorSamples
-from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.sensitivity import NOLLS
+from irtscots_cl.budget.measured_design import NOLLS, MeasuredDesign
 from irtscots_cl.budget.trials import Trials
 from irtscots_cl.budget.verdict import LEFT_OUT, WAVELENGTH_NM, Verdict, judge, requirements
 from irtscots_cl.calibration.seen_pixels import FEWEST

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from irtscots_cl.budget.assess import ErrorBudget
-from irtscots_cl.budget.sensitivity import NM, NOLLS
+from irtscots_cl.budget.measured_design import NOLLS
+from irtscots_cl.budget.sensitivity import NM
 from irtscots_cl.budget.tolerances import Tolerances
 from irtscots_cl.calibration.height_response import LEFT_AFTER, by_terms
 from irtscots_cl.report.table import Table

@@ -7,8 +7,8 @@ import pytest
 from small_budget import small_scene
 
 from irtscots_cl.budget.intervals import ErrorSamples
-from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.sensitivity import MANY_DRAWS, NOLLS, sensitivities, zernike_basis
+from irtscots_cl.budget.measured_design import NOLLS, MeasuredDesign
+from irtscots_cl.budget.sensitivity import MANY_DRAWS, sensitivities
 from irtscots_cl.budget.trials import Trials
 from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.optics.setup import Setup
@@ -44,7 +44,7 @@ def trials_of(count: int, seed: int = 1, draws: int = MANY_DRAWS, pixels: int = 
 
 def coverage(samples, truth, measured):
     """Share of the tests whose intervals hold the truth, of the rms and of each Zernike term from 4 on."""
-    basis = zernike_basis(samples.design)
+    basis = samples.design.zernike_basis
     terms = np.linalg.lstsq(basis, truth)[0] * 1e6
     flat = np.linalg.qr(basis[:, :3])[0]
     rms = np.sqrt(np.mean((truth - flat @ (flat.T @ truth)) ** 2)) * 1e6

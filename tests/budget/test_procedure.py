@@ -12,9 +12,8 @@ from irtscots_cl.budget.assess import assess, own_sensitivities
 from irtscots_cl.budget.averaging import left_by_turns
 from irtscots_cl.budget.ledger import ledger
 from irtscots_cl.budget.linear import linear_budget
-from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.measured_design import NOLLS, MeasuredDesign
 from irtscots_cl.budget.monte_carlo import monte_carlo
-from irtscots_cl.budget.sensitivity import NOLLS
 from irtscots_cl.budget.tolerances import QuadraticError
 from irtscots_cl.budget.trials import Trials
 from irtscots_cl.optics.setup import Setup

@@ -9,9 +9,9 @@ import pytest
 from small_budget import small_scene
 
 from irtscots_cl.budget.geometry import Geometry
-from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.measured_design import NOLLS, MeasuredDesign
 from irtscots_cl.budget.noise import PlaceNoise
-from irtscots_cl.budget.sensitivity import NOLLS, sensitivities
+from irtscots_cl.budget.sensitivity import sensitivities
 from irtscots_cl.budget.source import Draw
 from irtscots_cl.budget.sources import known_sources
 from irtscots_cl.calibration.parameters import moved

@@ -6,31 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
 from small_budget import SOURCES, small_scene, small_trials
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.source import Draw
 from irtscots_cl.budget.sources import known_sources, source_of
-from irtscots_cl.budget.trials import quantile
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.detector_noise import DetectorNoise
-from irtscots_cl.scene.error_sources import Distribution
 from irtscots_cl.scene.validation import SceneError
-
-
-@pytest.mark.parametrize(
-    "given, same",
-    [
-        ({"normal": 0.3}, stats.norm(scale=0.3)),
-        ({"uniform": 0.3}, stats.uniform(-0.3, 0.6)),
-        ({"triangular": 0.3}, stats.triang(0.5, loc=-0.3, scale=0.6)),
-    ],
-)
-def test_quantiles_and_standard_deviations_are_those_of_scipy(given, same):
-    distribution, share = Distribution(**given), np.linspace(0.001, 0.999, 37)
-    assert quantile(distribution, share) == pytest.approx(same.ppf(share), abs=1e-14)
-    assert distribution.sigma == pytest.approx(same.std())
 
 
 def test_values_have_the_distributions():
