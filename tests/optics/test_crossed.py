@@ -24,7 +24,7 @@ FINE = 48  # points per axis of a pixel: shares to 1 / FINE, and much better whe
 )
 def chief(request, tmp_path_factory) -> ChiefRays:
     outline = outline_of(request.param, 1064.0, tmp_path_factory.mktemp("outline"))
-    scene = coarse("sphere-deviated", 12)
+    scene = coarse("sphere-deviated", 24)  # with fewer, most pixels have a corner nearby
     return ChiefRays(with_part(scene, "mirror", outline=outline, obscuration_mm=180.0))
 
 
@@ -52,7 +52,7 @@ def test_shares_on_the_mirror_are_those_of_many_rays(chief):
     if chief.surface.outline.has_grid:
         assert not cut.any()
     else:
-        assert cut.any()  # on 12 x 12 pixels most whole ones are near a corner, and left to traced light
+        assert cut.any() and closed[fine[pixels] == 1].mean() > 0.8  # others: near a corner
 
 
 def test_cells_of_traced_light_have_the_shares_of_the_closed_form(chief):
