@@ -23,7 +23,8 @@ def test_chief_rays_are_the_oracle_s(terms):
     on = rig.mirror.contains(path.mirror)
     points, u, v = chief.reverse(row, column, 0.3, -0.8)
     assert on.sum() > 300
-    assert np.abs(points - path.mirror)[on].max() < 5e-9  # mm, along rays that Newton's steps bring near the surface
+    # mm: between a ray's points of the conic and of the surface the conic counts as level: (0.014 x 0.2)^2 / (2 x 1500)
+    assert np.abs(points - path.mirror)[on].max() < 2e-9
     assert max(np.abs(u - path.u)[on].max(), np.abs(v - path.v)[on].max()) < 1e-9  # mm
     back_row, back_column = chief.camera_model.pixel(*chief.camera_model.image_point(row, column))
     assert max(np.abs(back_row - row).max(), np.abs(back_column - column).max()) < 1e-10  # pixels
