@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tomllib
 
 import pytest
+from loaded_modules import loaded_modules
 from refusals import BASE
 
 from irtscots_cl.scene.calibration_known import Calibration, Knowledge, distance_ends
@@ -91,6 +90,5 @@ def test_names_of_distances():
 
 
 def test_scenes_without_the_table_do_not_import_it():
-    code = "import sys; from irtscots_cl.scene.presets import load_scene; load_scene('sphere'); print(*sys.modules)"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert "irtscots_cl.scene.model" in out and "calibration_known" not in out
+    loaded = loaded_modules("from irtscots_cl.scene.presets import load_scene; load_scene('sphere')")
+    assert "irtscots_cl.scene.model" in loaded and "calibration_known" not in " ".join(loaded)

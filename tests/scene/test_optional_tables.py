@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import subprocess
-import sys
 import tomllib
 
 import pytest
 from fuzz import NUMBERS, OTHERS, TEXTS
+from loaded_modules import loaded_modules
 from refusals import BASE, changed, refusal
 
 from irtscots_cl.scene.detector_noise import DetectorNoise
@@ -102,11 +101,10 @@ def test_a_file_of_noise_takes_the_place_of_the_scene_s_own_tables(tmp_path):
 
 
 def test_a_scene_without_noise_imports_nothing_of_it():
-    code = "import irtscots_cl as irt, sys; irt.load_scene('sphere'); print(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    loaded = loaded_modules("import irtscots_cl as irt; irt.load_scene('sphere')")
     assert "irtscots_cl.scene.instrument" in loaded
     names = ("optional_tables", "detector_noise", "screen_response")
-    assert not {f"irtscots_cl.scene.{name}" for name in names} & set(loaded)
+    assert not {f"irtscots_cl.scene.{name}" for name in names} & loaded
 
 
 # --- what is refused ----------------------------------------------------------------------------------------

@@ -1,20 +1,12 @@
 """The package's public names: complete, lazy, and functions where a module has the same name."""
 
 import ast
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from loaded_modules import loaded_modules
 
 import irtscots_cl as irt
-
-
-def run_python(code: str) -> str:
-    """What a fresh interpreter prints; sys.path[0] is the working directory as with python -m."""
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
-    assert result.returncode == 0, result.stderr
-    return result.stdout.strip()
 
 
 @pytest.mark.parametrize("name", sorted(irt.__all__))
@@ -58,21 +50,19 @@ def test_version_is_a_version():
     ],
 )
 def test_import_loads_nothing_heavy(code):
-    loaded = run_python(f"{code}; import sys; print(*sys.modules)").split()
+    loaded = loaded_modules(code)
     assert "irtscots_cl" in loaded
     heavy = {"numpy", "scipy", "skimage", "pyopencl", "matplotlib", "h5py", "pydantic", "rich", "jinja2"}
-    assert not heavy & set(loaded)
+    assert not heavy & loaded
 
 
 def test_listing_the_scenes_needs_no_numpy():
-    code = "from irtscots_cl.cli import main; code = main(['scenes']); import sys; print(code, *sys.modules)"
-    code, *loaded = run_python(code).splitlines()[-1].split()
-    assert code == "0"
+    loaded = loaded_modules("from irtscots_cl.cli import main; assert main(['scenes']) == 0")
     assert "irtscots_cl.cli" in loaded
-    assert not {"numpy", "scipy", "pyopencl", "matplotlib", "h5py", "rich"} & set(loaded)
+    assert not {"numpy", "scipy", "pyopencl", "matplotlib", "h5py", "rich"} & loaded
 
 
 def test_loading_a_scene_needs_no_numpy():
-    loaded = run_python("import irtscots_cl as irt; irt.load_scene('sphere'); import sys; print(*sys.modules)").split()
+    loaded = loaded_modules("import irtscots_cl as irt; irt.load_scene('sphere')")
     assert "pydantic" in loaded
-    assert not {"numpy", "scipy", "pyopencl", "matplotlib", "h5py"} & set(loaded)
+    assert not {"numpy", "scipy", "pyopencl", "matplotlib", "h5py"} & loaded

@@ -9,6 +9,7 @@ import numpy as np
 from irtscots_cl.maths.xy_polynomials import ChebyshevSeries, sum_of
 from irtscots_cl.maths.zernike.series import PowerRows, RadialSeries, power_rows
 from irtscots_cl.opencl.structs import (
+    PRECISIONS,
     polynomial_dtype,
     zernike_clenshaw_dtype,
     zernike_power_dtype,
@@ -157,3 +158,21 @@ def newton_steps(chief: ChiefRays, slope: float, real=np.float64) -> int:
         must = f"lie near enough to its conic for rays to reach it in {MAX_NEWTON_STEPS} steps from there"
         raise SceneError(f"scene {chief.scene.name}: mirror: must {must}")
     return int(enough[0]) + 1 if len(enough) else MAX_NEWTON_STEPS
+
+
+def mirror_values(chief: ChiefRays, precision: str) -> dict[str, float]:
+    """Fields of the mirror's structure -> their values."""
+    return {
+        "newton_steps": newton_steps(chief, NEWTON_SLOPE[precision], PRECISIONS[precision]),
+        "departure_radius2": _departure_radius2(chief),
+    }
+
+
+def _departure_radius2(chief: ChiefRays) -> float:
+    """Square of the radius beyond which no line that meets the quadric meets the mirror."""
+    beside = 1.04 * chief.surface.departure_radius_mm**2
+    if not chief.surface.design:
+        return beside
+    from irtscots_cl.tracing.packing.asphere import quadric_radius_mm  # imported late: few designs have departures
+
+    return max(beside, quadric_radius_mm(chief) ** 2)

@@ -24,13 +24,6 @@ from irtscots_cl.opencl.structs import (
 )
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.surface import Surface
-from irtscots_cl.tracing.packing.departures import (
-    NEWTON_SLOPE,
-    PackedDepartures,
-    is_slight,
-    newton_steps,
-    pack_departures,
-)
 
 EDGE_POINTS = 65  # along each side of the image, where its largest radius is looked for
 BEYOND_EDGE = 1e-3  # of the square of that radius: room for the points between
@@ -53,21 +46,19 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
     deviated, annular = bool(surface.departures), surface.obscuration_radius_mm > 0
     mirror = mirror_dtype(real, deviated, annular)
     distorted, bent = chief.camera_model.is_distorted, chief.screen_model.surface is not None
-    structs = {
-        "Launch": LAUNCH,
-        **({"Facet": facet_dtype(real), "Patch": patch_dtype(real)} if bent else {}),
-        **({"Image": image_dtype(real), "Lens": lens_dtype(real)} if distorted else {}),
-        "Emitter": emitter_dtype(real, bent),
-        "Receiver": receiver_dtype(real, distorted, bent),
-        "Chord": chord_dtype(real),
-        "LineReceiver": line_receiver_dtype(real, distorted, bent),
-        "Frame": frame_dtype(real),
-        "Mirror": mirror,
-    }
-    departures = pack_departures(surface, real) if deviated else PackedDepartures()
-    structs |= departures.structs
-    choices = dict(departures.choices) | {"outline": "none"}
-    tables, values = np.asarray(departures.tables, real), dict(departures.values)
+    structs = {**_device_structs(real, distorted, bent), "Mirror": mirror}
+    choices, constants, values, of_mirror = {"outline": "none", "arrival": "plain"}, {}, {}, {}
+    tables = np.zeros(1, real)  # a buffer is never empty
+    if deviated:
+        from irtscots_cl.tracing.packing import departures  # imported late: many mirrors are their conics
+
+        packed = departures.pack_departures(surface, real)
+        structs |= packed.structs
+        choices |= packed.choices
+        constants, values, tables = packed.constants, packed.values, np.asarray(packed.tables, real)
+        if departures.is_slight(surface, precision):
+            choices["arrival"] = "compensated"
+        of_mirror = departures.mirror_values(chief, precision)
     if surface.outline is not None:
         from irtscots_cl.tracing.packing.outline import pack_outline  # imported late: few mirrors are no disks
 
@@ -81,9 +72,8 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
     structs["Scene"] = scene_dtype(real, mirror, parts, glass is not None)
     scene = np.zeros(1, structs["Scene"])
     _fill_mirror(scene["mirror"][0:1], surface)
-    if deviated:
-        scene["mirror"]["newton_steps"] = newton_steps(chief, NEWTON_SLOPE[precision], real)
-        scene["mirror"]["departure_radius2"] = _departure_radius2(chief)
+    for name, value in of_mirror.items():
+        scene["mirror"][name] = value
     _fill_frame(scene["screen"], chief.screen_frame)
     _fill_frame(scene["camera"], chief.camera_frame)
     _fill_devices(scene, chief)
@@ -97,24 +87,27 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
     choices |= {
         "surface": _surface_file(chief.scene.mirror),
         "mirror": "deviated" if deviated else "nominal",
-        "arrival": "compensated" if is_slight(surface, precision) else "plain",
         "aperture": "annulus" if annular else "disk",
         "frame": "turned" if chief.screen_frame.axes[0, 1] or chief.camera_frame.axes[0, 1] else "upright",
         "camera": "distorted" if distorted else "plain",
         "screen": "bent" if bent else "flat",
         "glass": "none" if glass is None else "plate",
     }
-    return Packed(choices, structs, departures.constants, scene, tables)
+    return Packed(choices, structs, constants, scene, tables)
 
 
-def _departure_radius2(chief: ChiefRays) -> float:
-    """Square of the radius beyond which no line that meets the quadric meets the mirror."""
-    beside = 1.04 * chief.surface.departure_radius_mm**2
-    if not chief.surface.design:
-        return beside
-    from irtscots_cl.tracing.packing.asphere import quadric_radius_mm  # imported late: few designs have departures
-
-    return max(beside, quadric_radius_mm(chief) ** 2)
+def _device_structs(real, distorted: bool, bent: bool) -> dict[str, np.dtype]:
+    """Structures of the launch, the screen and the camera."""
+    return {
+        "Launch": LAUNCH,
+        **({"Facet": facet_dtype(real), "Patch": patch_dtype(real)} if bent else {}),
+        **({"Image": image_dtype(real), "Lens": lens_dtype(real)} if distorted else {}),
+        "Emitter": emitter_dtype(real, bent),
+        "Receiver": receiver_dtype(real, distorted, bent),
+        "Chord": chord_dtype(real),
+        "LineReceiver": line_receiver_dtype(real, distorted, bent),
+        "Frame": frame_dtype(real),
+    }
 
 
 def _surface_file(mirror) -> str:

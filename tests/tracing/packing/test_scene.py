@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from loaded_modules import loaded_modules
 from lopsided import lopsided
 from scenes import scene_of, with_part
 
@@ -38,6 +39,18 @@ def test_files_are_chosen_by_what_the_scene_has(scene, precision, expected):
     choices = pack(ChiefRays(scene), precision).choices
     assert choices | expected == choices
     assert ("zernike" in choices) == bool(scene.mirror.zernike)
+
+
+def test_a_conic_imports_nothing_of_departures():
+    loaded = loaded_modules(
+        "from irtscots_cl.optics.chief_rays import ChiefRays; "
+        "from irtscots_cl.scene.presets import load_scene; from irtscots_cl.tracing.packing.scene import pack; "
+        "pack(ChiefRays(load_scene('off-axis')), 'fp32')"
+    )
+    packing, optics = "irtscots_cl.tracing.packing.", "irtscots_cl.optics."
+    assert packing + "scene" in loaded
+    assert not {packing + "departures", packing + "maps", packing + "outline", optics + "height_map"} & loaded
+    assert "numpy.polynomial" not in loaded
 
 
 @pytest.mark.parametrize("name", ["sphere", "off-axis", "lopsided"])
