@@ -25,12 +25,6 @@ def left_by_turns(nolls: Sequence[int], turns: int) -> FloatArray:
     return np.array([float(noll_to_nm(noll)[1] % turns == 0) for noll in nolls])
 
 
-def turned_mean(nolls: Sequence[int], coefficients: FloatArray, turns: int) -> FloatArray:
-    """Coefficients [..., terms] of an instrument's error after the mean over equal turns: in the mirror's frame."""
-    found: FloatArray = np.asarray(coefficients) * left_by_turns(nolls, turns)
-    return found
-
-
 def left_by_exposures(exposures: int) -> float:
     """Share of a process's rms that is left in the mean of so many independent exposures."""
     if exposures < 1:

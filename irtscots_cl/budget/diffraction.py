@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import fft2, fftfreq, ifft2, next_fast_len
 from scipy.interpolate import RectBivariateSpline
-from scipy.special import jv
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.source import Draw
@@ -47,22 +46,11 @@ class Diffraction:
         return design.derivatives[key]
 
 
-def airy_radius_mm(wavelength_mm: float, image_distance_mm: float, aperture_diameter_mm: float) -> float:
-    """Radius of the first dark ring in the image: 1.22 wavelengths over the aperture's angle."""
-    return 3.8317059702075125 / np.pi * wavelength_mm * image_distance_mm / aperture_diameter_mm
-
-
-def moment_mm2(radius_mm: float, blur_mm: float) -> float:
-    """Second moment along an axis of the Airy disk's light within a radius, over all its light.
+def transfer(frequency_per_mm: FloatArray, blur_mm: float) -> FloatArray:
+    """Transfer function [...] of the aperture for incoherent light.
 
     blur_mm: wavelength times image distance over the aperture's diameter.
     """
-    x = np.pi * radius_mm / blur_mm
-    return float((blur_mm / np.pi) ** 2 * x**2 / 2 * (jv(1, x) ** 2 - jv(0, x) * jv(2, x)))
-
-
-def transfer(frequency_per_mm: FloatArray, blur_mm: float) -> FloatArray:
-    """Transfer function [...] of the aperture for incoherent light; argument as of moment_mm2."""
     part = np.minimum(frequency_per_mm * blur_mm, 1.0)
     found: FloatArray = 2 / np.pi * (np.arccos(part) - part * np.sqrt(1 - part**2))
     return found

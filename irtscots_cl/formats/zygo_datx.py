@@ -33,15 +33,6 @@ MAX_MAPS = 1000  # of a file
 MAX_VALUES = 64  # of an attribute that is read
 
 
-def is_datx(path: Path) -> bool:
-    """Whether an HDF5 file holds a surface as Mx writes it."""
-    try:
-        with opened(path) as file:
-            return bool(_datasets(file, "Surface"))
-    except ValueError:
-        return False
-
-
 def read_zygo_datx(path: Path, options: MapOptions) -> HeightMap:
     """The map of a .datx file. Raises ValueError, with one line, for what cannot be read."""
     found = Findings(str(path), options)
