@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.maths.arrays import FloatArray
 
 AXES = "xyz"
@@ -27,8 +27,7 @@ class TemperatureGradient:
     axis: str
     unit: str = "K/m"
     usual: float = 0.5
-    is_process: bool = False
-    stays: bool = True
+    kind: Kind = Kind.PARAMETER
 
     @property
     def name(self) -> str:

@@ -72,6 +72,8 @@ def assess(
 
 def own_sensitivities(trials: Trials) -> dict[str, Sensitivity]:
     """Of the budget's sources by name, with enough draws of processes for intervals."""
-    processes = sum(source.is_process for source in trials.sources)
+    processes = sum(source.kind.is_random for source in trials.sources)
     draws = max(DRAWS, min(MANY_DRAWS, MOST_MAPS // max(processes, 1)))
-    return {one.source.name: one for one in sensitivities(trials.design, trials.sources, draws, trials.procedure)}
+    sizes = {name: given.size for name, given in trials.budget.sources.items()}
+    found = sensitivities(trials.design, trials.sources, draws, trials.procedure, sizes)
+    return {one.source.name: one for one in found}

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.maths.arrays import FloatArray
 
 TERMS = ("x", "y", "xx", "xy", "yy")
@@ -25,8 +25,7 @@ class Brightness:
     term: str
     unit: str = ""
     usual: float = 0.1
-    is_process: bool = False
-    stays: bool = True
+    kind: Kind = Kind.PARAMETER
 
     @property
     def name(self) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from irtscots_cl.budget.frames import LineFrames
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.imaging.detector import electrons_per_w
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.optics.pixel.light import whole_flux_w
@@ -29,8 +29,7 @@ class ReadNoise:
     unit: str = "of the peak"
     text: str = "noise of each sample, rms over the brightest sample of all frames"
     usual: float = 1e-3
-    is_process: bool = True
-    stays: bool = False
+    kind: Kind = Kind.PROCESS
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
@@ -46,8 +45,7 @@ class Quantisation:
     unit: str = "of the peak"
     text: str = "step of the rounding over the brightest sample of all frames: 1/255 for 8 bits in full use"
     usual: float = 1 / 255
-    is_process: bool = True
-    stays: bool = False
+    kind: Kind = Kind.PROCESS
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
@@ -68,8 +66,7 @@ class SceneNoise:
     unit: str = "times"
     text: str = "noise of [camera.detector.noise]: shot noise of light and dark current, read noise, rounding"
     usual: float = 1.0
-    is_process: bool = True
-    stays: bool = False
+    kind: Kind = Kind.PROCESS
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""

@@ -15,7 +15,7 @@ from scipy.fft import fft2, fftfreq, ifft2, next_fast_len
 from scipy.interpolate import RectBivariateSpline
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.maths.arrays import FloatArray
 
 NM_PER_MM = 1e6
@@ -31,8 +31,7 @@ class Diffraction:
     unit: str = "nm"
     text: str = "diffraction at the camera's aperture, at this wavelength"
     usual: float = 550.0
-    is_process: bool = True
-    stays: bool = True
+    kind: Kind = Kind.CONSTANT
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.calibration.jacobian import centroid_jacobian, design_centroids
 from irtscots_cl.calibration.parameters import moved, parameter
 from irtscots_cl.maths.arrays import FloatArray
@@ -25,8 +25,7 @@ class Geometry:
     unit: str
     text: str
     usual: float
-    is_process: bool = False
-    stays: bool = True
+    kind: Kind = Kind.PARAMETER
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places, exact for any value."""

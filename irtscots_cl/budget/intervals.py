@@ -1,8 +1,9 @@
 """Intervals that hold the truth: what a measured height map says of the mirror, with the budget's errors.
 
 The errors are sums of the sources' maps times values drawn from their distributions, to first order; a process is the
-sum of its draws' maps times independent normal numbers. A measured map m is t + e, of the true heights t and an error e
-of that kind. Of a linear figure, such as a Zernike term, the interval is the figure less the error's quantiles.
+sum of its draws' maps times independent normal numbers. What constants do is known, and is taken out of a measured map
+first. What is left is m = t + e, of the true heights t and an error e of that kind. Of a linear figure, such as a
+Zernike term, the interval is the figure less the error's quantiles.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ from scipy.special import ndtri
 
 from irtscots_cl.budget.distributions import even_shares, quantile
 from irtscots_cl.budget.joint import NONE, Joint
+from irtscots_cl.budget.linear import sum_of_constants
 from irtscots_cl.budget.measured_design import NOLLS, MeasuredDesign
 from irtscots_cl.budget.sensitivity import NM, Sensitivity
+from irtscots_cl.budget.source import Kind
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.scene.error_sources import Distribution
@@ -32,7 +35,7 @@ PV_SAMPLES = 2**10
 
 @dataclass(frozen=True)
 class Interval:
-    """In nm. It holds the true value with the stated coverage."""
+    """In nm. It holds the true value with the stated coverage. estimate: of it, without what constants do."""
 
     estimate: float
     low: float
@@ -57,10 +60,10 @@ class ErrorSamples:
         columns: list[tuple[Distribution | None, bool, range]] = []
         dimensions = 0
         for name, given in sorted(self.given.items()):
-            if name in self.joint.names:
+            if name in self.joint.names or self.found[name].source.kind is Kind.CONSTANT:
                 continue
             height = np.atleast_2d(self.found[name].height_mm)[:, self.used] * given.size
-            process = self.found[name].source.is_process
+            process = self.found[name].source.kind.is_random
             maps.append(height / math.sqrt(len(height)) if process else height)
             columns.append((given, process, range(dimensions, dimensions + len(height))))
             dimensions += len(height)
@@ -84,11 +87,17 @@ class ErrorSamples:
         found: FloatArray = np.linalg.pinv(self.design.zernike_basis[self.used])
         return found
 
+    def _corrected(self, height_mm: FloatArray) -> FloatArray:
+        """Measured heights [used] without what constants do."""
+        constant = sum_of_constants(self.found, self.given, self.design.count)
+        found: FloatArray = height_mm - constant[self.used]
+        return found
+
     def zernikes(self, height_mm: FloatArray, coverage: float = COVERAGE) -> dict[int, Interval]:
         """Of each of NOLLS, fitted together, of heights [used]."""
         maps, values = self._parts
         inverse = self._inverse
-        own = inverse @ height_mm * NM
+        own = inverse @ self._corrected(height_mm) * NM
         errors = values @ (maps @ inverse.T) * NM
         low, high = np.quantile(errors, ((1 - coverage) / 2, (1 + coverage) / 2), axis=0)
         return {
@@ -103,7 +112,8 @@ class ErrorSamples:
         in the modes of the error, each weighed by its variance: right for one mode, for many alike, and for noise.
         """
         modes, weight, errors = self._modes(nolls)
-        own = height_mm - self._fitted(height_mm, nolls)
+        own = self._corrected(height_mm)
+        own = own - self._fitted(own, nolls)
         inside = modes @ own
         size = float(weight @ inside**2)
         across, square = errors @ (weight * inside), (errors**2) @ weight
@@ -148,7 +158,7 @@ class ErrorSamples:
         maps, values = self._parts
         inverse = self._inverse
         columns = [NOLLS.index(noll) for noll in nolls]
-        own = (inverse @ height_mm)[columns] * NM
+        own = (inverse @ self._corrected(height_mm))[columns] * NM
         errors = (values[:PV_SAMPLES] @ (maps @ inverse.T))[:, columns] * NM
         disk = _disk(nolls)
         spread = np.ptp((own - errors) @ disk.T, axis=1)

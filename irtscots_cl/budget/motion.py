@@ -12,7 +12,7 @@ import numpy as np
 
 from irtscots_cl.budget.geometry import Geometry, geometry_derivative
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.maths.arrays import FloatArray
 
 VIBRATION, DRIFT = "vibration.", "drift."
@@ -23,8 +23,7 @@ class Vibration:
     """A number of the geometry that is another one in each frame: independent, normal, about 0."""
 
     of: Geometry
-    is_process: bool = True
-    stays: bool = False
+    kind: Kind = Kind.PROCESS
 
     @property
     def name(self) -> str:
@@ -52,8 +51,7 @@ class Drift:
     """A number of the geometry that changes linearly by its value from the first to the last frame, 0 in the middle."""
 
     of: Geometry
-    is_process: bool = False
-    stays: bool = True
+    kind: Kind = Kind.PARAMETER
 
     @property
     def name(self) -> str:

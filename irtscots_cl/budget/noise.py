@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.maths.arrays import FloatArray
 
 
@@ -19,8 +19,7 @@ class PlaceNoise:
     unit: str = "mm"
     text: str = "noise of each place on the screen"
     usual: float = 1e-3
-    is_process: bool = True
-    stays: bool = False
+    kind: Kind = Kind.PROCESS
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
@@ -38,8 +37,7 @@ class PhotonNoise:
     unit: str = "1/sqrt(electrons)"
     text: str = "shot noise of the light curves' centroids"
     usual: float = 1e-2
-    is_process: bool = True
-    stays: bool = False
+    kind: Kind = Kind.PROCESS
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""

@@ -69,7 +69,7 @@ class Procedure:
 
     def of_draws(self, source: Source, heights: FloatArray) -> FloatArray:
         """What is left of a process's draws [draws, n], as many: of each mean, the draws of its turns are others."""
-        if source.stays:
+        if source.kind.stays:
             return self.of_parameter(source, heights)
         heights = heights * left_by_exposures(self.exposures)
         if self.turns > 1:

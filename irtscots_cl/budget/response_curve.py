@@ -13,7 +13,7 @@ import numpy as np
 
 from irtscots_cl.budget.frames import FringeFrames, LineFrames
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.harmonics import gamma_harmonics, phase_bias
 
@@ -26,8 +26,7 @@ class ResponsePower:
 
     of: str
     unit: str = ""
-    is_process: bool = False
-    stays: bool = True
+    kind: Kind = Kind.PARAMETER
 
     @property
     def name(self) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.motion import of_frames, times
-from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.maths.arrays import FloatArray
 
 
@@ -20,8 +20,7 @@ class PixelBrightness:
     unit: str = ""
     text: str = "factor on each pixel of the screen, uniform within 1 +- value"
     usual: float = 0.1
-    is_process: bool = True
-    stays: bool = True
+    kind: Kind = Kind.FIXED_PATTERN
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial: of the mean of what a pixel sees, weighted; NaN for a
@@ -42,8 +41,7 @@ class DeadPixels:
     unit: str = "sqrt(share)"
     text: str = "dead pixels of the screen: root of their share"
     usual: float = 0.03
-    is_process: bool = True
-    stays: bool = True
+    kind: Kind = Kind.FIXED_PATTERN
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
@@ -75,8 +73,7 @@ class FrameBrightness:
     unit: str = ""
     text: str = "relative rms of the screen's brightness from frame to frame"
     usual: float = 1e-2
-    is_process: bool = True
-    stays: bool = False
+    kind: Kind = Kind.PROCESS
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""
@@ -92,8 +89,7 @@ class BrightnessDrift:
     unit: str = ""
     text: str = "relative change of the screen's brightness from the first to the last frame"
     usual: float = 1e-2
-    is_process: bool = False
-    stays: bool = True
+    kind: Kind = Kind.PARAMETER
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places."""

@@ -1,12 +1,12 @@
 """One source at a time: the height map per unit of its value, and up to which value it grows in proportion.
 
-Of a parameter the map is signed; its derivative is exact. Of a process it is random: what is stated is the rms over
-maps and draws, with its standard error.
+Of a parameter the map is signed; its derivative is exact. Of a constant it is that of its value, over the value. Of a
+process it is random: what is stated is the rms over maps and draws, with its standard error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from irtscots_cl.budget.geometry import Geometry, geometry_derivatives
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.procedure import Procedure
-from irtscots_cl.budget.source import Draw, Source
+from irtscots_cl.budget.source import Draw, Kind, Source
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.validation import SceneError
 
@@ -31,9 +31,10 @@ NM = 1e6
 class Sensitivity:
     """Of one source, per unit of its value.
 
-    height_mm: [n] of a parameter; [draws, n] of a process. left_nm: [4] rms with height_response.LEFT_AFTER removed.
-    zernike_nm: [terms] of NOLLS; of a process their rms. error: relative standard error of these; 0 for parameters.
-    linear_to: value from which more than NONLINEAR of the height is not in proportion; inf for a process.
+    height_mm: [n] of a parameter or a constant; [draws, n] of a process. left_nm: [4] rms with
+    height_response.LEFT_AFTER removed. zernike_nm: [terms] of NOLLS; of a process their rms. error: relative standard
+    error of these; 0 where nothing is random. linear_to: value from which more than NONLINEAR of the height is not in
+    proportion; inf for constants and processes, which are taken at their own size.
     """
 
     source: Source
@@ -45,16 +46,26 @@ class Sensitivity:
 
 
 def sensitivities(
-    design: MeasuredDesign, sources: Sequence[Source], draws: int = DRAWS, procedure: Procedure | None = None
+    design: MeasuredDesign,
+    sources: Sequence[Source],
+    draws: int = DRAWS,
+    procedure: Procedure | None = None,
+    sizes: Mapping[str, float] | None = None,
 ) -> list[Sensitivity]:
     """Of all sources, from closed-form derivatives of the places where there are any. draws: of each process.
 
-    procedure: what is made of the height maps; nothing by default.
+    procedure: what is made of the height maps; nothing by default. sizes: by name, values at which constants and
+    processes are taken; the usual ones by default.
     """
-    procedure = procedure or Procedure(design)
-    parameters = [source for source in sources if not source.is_process]
+    procedure, sizes = procedure or Procedure(design), sizes or {}
+    parameters = [source for source in sources if source.kind is Kind.PARAMETER]
     found = {one.source.name: one for one in _of_parameters(procedure, parameters)}
-    found |= {source.name: _of_process(procedure, source, draws) for source in sources if source.is_process}
+    for source in sources:
+        value = sizes.get(source.name, source.usual)
+        if source.kind is Kind.CONSTANT:
+            found[source.name] = _of_constant(procedure, source, value)
+        elif source.kind.is_random:
+            found[source.name] = _of_process(procedure, source, value, draws)
     return [found[source.name] for source in sources]
 
 
@@ -120,16 +131,21 @@ def _linear_to(usual: float, height_mm: FloatArray, up_down_mm: FloatArray) -> f
     return float(usual * min(limits))
 
 
-def _of_process(procedure: Procedure, source: Source, draws: int) -> Sensitivity:
-    design, usual = procedure.design, source.usual
-    first, second = (source.changes_mm(design, usual, Draw(0, k)) for k in range(2))
-    if first.any() and np.array_equal(first, second):  # it takes no random numbers
-        draws = 2
+def _of_constant(procedure: Procedure, source: Source, value: float) -> Sensitivity:
+    design = procedure.design
+    whole = design.response.heights_mm(source.changes_mm(design, value, Draw(0, 0))[None])
+    heights = procedure.of_parameter(source, whole) / value
+    left, terms = design.response.left(heights) * NM, zernike_coefficients(design, heights) * NM
+    return Sensitivity(source, heights[0], left[0], terms[0], 0.0, np.inf)
+
+
+def _of_process(procedure: Procedure, source: Source, value: float, draws: int) -> Sensitivity:
+    design = procedure.design
     heights = np.concatenate([
         design.response.heights_mm(
-            np.stack([source.changes_mm(design, usual, Draw(0, k)) for k in range(first, min(first + DRAWS, draws))])
+            np.stack([source.changes_mm(design, value, Draw(0, k)) for k in range(first, min(first + DRAWS, draws))])
         )
-        / usual
+        / value
         for first in range(0, draws, DRAWS)
     ])  # fmt: skip
     heights = procedure.of_draws(source, heights)

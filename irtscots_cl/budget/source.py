@@ -1,7 +1,9 @@
 """What an error source is: by how much its value changes the places that pixels see.
 
 A *parameter* has one value in a test, drawn from its distribution: a camera that is off, a screen brighter at one side.
-A *process* makes many random numbers in a test, and its value is their size: the noise of pixels, vibration.
+A *constant* acts in every test alike, in full: diffraction. A *process* makes many random numbers in a test, and its
+value is their size: the noise of pixels, vibration. Those of a *fixed pattern* are the same in all measurements of a
+test: pixels of a screen that differ.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import math
 import zlib
 from dataclasses import dataclass
+from enum import Enum
 from typing import Protocol
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
@@ -41,11 +44,29 @@ def stream_of(name: str) -> int:
     return zlib.crc32(name.encode())
 
 
+class Kind(Enum):
+    """What the value of a source is."""
+
+    PARAMETER = "parameter"
+    CONSTANT = "constant"
+    FIXED_PATTERN = "fixed pattern"
+    PROCESS = "process"
+
+    @property
+    def is_random(self) -> bool:
+        """Whether a value is the size of random numbers."""
+        return self in (Kind.FIXED_PATTERN, Kind.PROCESS)
+
+    @property
+    def stays(self) -> bool:
+        """Whether it is the same in every measurement of a test, not another draw."""
+        return self is not Kind.PROCESS
+
+
 class Source(Protocol):
     """name: as in [budget.sources], such as "camera.x_mm". unit: of its value; "" for a number. text: what it is.
 
-    usual: a value of the usual size, without calibration. is_process: its value is the size of random numbers. stays:
-    it is the same in every measurement of a test, not another draw.
+    usual: a value of the usual size, without calibration.
     """
 
     @property
@@ -57,9 +78,7 @@ class Source(Protocol):
     @property
     def usual(self) -> float: ...
     @property
-    def is_process(self) -> bool: ...
-    @property
-    def stays(self) -> bool: ...
+    def kind(self) -> Kind: ...
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
-        """Changes (du, dv) [2, n] of the places by a value; of a process, by one draw of that size."""
+        """Changes (du, dv) [2, n] of the places by a value; of random numbers, by one draw of that size."""

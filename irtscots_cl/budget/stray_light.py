@@ -8,7 +8,7 @@ import numpy as np
 
 from irtscots_cl.budget.frames import LineFrames
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.maths.arrays import FloatArray
 
 
@@ -20,8 +20,7 @@ class UniformLight:
     unit: str = "of the peak"
     text: str = "the same light in all frames, that is not subtracted, over the brightest sample"
     usual: float = 1e-3
-    is_process: bool = False
-    stays: bool = True
+    kind: Kind = Kind.PARAMETER
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places: towards the middle of the window of their lines, by the share of what

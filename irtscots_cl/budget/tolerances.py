@@ -18,6 +18,7 @@ from irtscots_cl.budget.distributions import drawn, even_shares
 from irtscots_cl.budget.joint import NONE, Joint
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.sensitivity import NM, Sensitivity
+from irtscots_cl.budget.source import Kind
 from irtscots_cl.calibration.height_response import LEFT_AFTER
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.error_sources import Distribution
@@ -43,7 +44,10 @@ class QuadraticError:
 
     @cached_property
     def _parameters(self) -> tuple[str, ...]:
-        return tuple(name for name in sorted(self.given) if not self.found[name].source.is_process)
+        """Those with one value in a test; constants come last."""
+        kinds = {name: self.found[name].source.kind for name in sorted(self.given)}
+        random = [name for name, kind in kinds.items() if kind is Kind.PARAMETER]
+        return *random, *(name for name, kind in kinds.items() if kind is Kind.CONSTANT)
 
     @cached_property
     def _maps(self) -> FloatArray:
@@ -60,11 +64,12 @@ class QuadraticError:
     @cached_property
     def _points(self) -> FloatArray:
         """Values [points, p] of the parameters over their sizes."""
-        names = self._parameters
-        if not names:
-            return np.zeros((POINTS, 0))
-        values = drawn(self.given, self.joint, names, even_shares(len(names), POINTS, 0))
-        return np.stack([values[name] / self.given[name].size for name in names], -1)
+        found = np.ones((POINTS, len(self._parameters)))
+        names = [name for name in self._parameters if self.found[name].source.kind is Kind.PARAMETER]
+        if names:
+            values = drawn(self.given, self.joint, names, even_shares(len(names), POINTS, 0))
+            found[:, : len(names)] = np.stack([values[name] / self.given[name].size for name in names], -1)
+        return found
 
     @cached_property
     def _processes(self) -> dict[str, tuple[FloatArray, FloatArray]]:
@@ -72,7 +77,7 @@ class QuadraticError:
         the parameters' maps [points, p], nm^2."""
         random, found = np.random.default_rng(0), {}
         for name, given in sorted(self.given.items()):
-            if self.found[name].source.is_process:
+            if self.found[name].source.kind.is_random:
                 draws = self.design.response.without(self.found[name].height_mm * given.size, self.remove) * NM
                 chosen = random.permutation(np.arange(POINTS) % len(draws))
                 square, product = np.mean(draws**2, axis=1), 2 * draws @ self._maps.T / self.design.count

@@ -17,7 +17,7 @@ from irtscots_cl.budget.geometry import geometry_changes
 from irtscots_cl.budget.joint import NONE, Joint, with_calibrated
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.procedure import Procedure, is_figure
-from irtscots_cl.budget.source import Draw, Source
+from irtscots_cl.budget.source import Draw, Kind, Source
 from irtscots_cl.budget.sources import geometry_sources, source_of
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.error_sources import Budget
@@ -42,18 +42,17 @@ class Trials:
     def of(cls, design: MeasuredDesign, budget: Budget) -> Trials:
         """With the sources of the budget's calibration.
 
-        Raises SceneError for an unknown source, or for a process with a distribution of its size.
+        Raises SceneError for an unknown source, or for a constant or a process with a distribution of its size.
         """
         scene = design.setup.scene
         budget, joint = with_calibrated(budget, scene)
         sources = tuple(source_of(name, scene) for name in sorted(budget.sources))
         for source in sources:
             given = budget.sources[source.name]
-            if source.is_process and given.kind != "normal":
+            if source.kind is not Kind.PARAMETER and given.kind != "normal":
                 key = ("budget", "sources", source.name, given.kind)
-                raise problem(
-                    scene.name, key, f"= {given.size:g}: must be a number; a process has one size, drawn anew"
-                )
+                text = f"must be a number; a {source.kind.value} has one size"
+                raise problem(scene.name, key, text, given.size)
         return cls(design, budget, sources, Procedure.of(design, budget), joint)
 
     def coarse(self, most_per_axis: int) -> Trials:
@@ -66,7 +65,7 @@ class Trials:
 
     @property
     def parameters(self) -> tuple[Source, ...]:
-        return tuple(source for source in self.sources if not source.is_process)
+        return tuple(source for source in self.sources if source.kind is Kind.PARAMETER)
 
     @cached_property
     def values(self) -> dict[str, FloatArray]:
@@ -78,8 +77,9 @@ class Trials:
         return drawn(self.budget.sources, self.joint, names, shares)
 
     def values_of(self, trial: int) -> dict[str, float]:
-        """Values of all sources in a trial; of processes, their sizes."""
-        found = {source.name: self.budget.sources[source.name].size for source in self.sources if source.is_process}
+        """Values of all sources in a trial; of constants and processes, their sizes."""
+        others = [source.name for source in self.sources if source.kind is not Kind.PARAMETER]
+        found = {name: self.budget.sources[name].size for name in others}
         return {name: float(values[trial]) for name, values in self.values.items()} | found
 
     def changes_mm(self, trial: int, values: Mapping[str, float] | None = None, turn: int = 0) -> FloatArray:
@@ -89,9 +89,9 @@ class Trials:
         """
         on = self.values_of(trial) if values is None else values
         chosen, exposures = [s for s in self.sources if s.name in on], self.procedure.exposures
-        total = changes_mm(self.design, [s for s in chosen if s.stays], on, Draw(self.budget.seed, trial))
+        total = changes_mm(self.design, [s for s in chosen if s.kind.stays], on, Draw(self.budget.seed, trial))
         for source in chosen:
-            if not source.stays:
+            if not source.kind.stays:
                 for repeat in range(turn * exposures, (turn + 1) * exposures):
                     draw = Draw(self.budget.seed, trial, repeat)
                     total = total + source.changes_mm(self.design, on[source.name], draw) / exposures
@@ -106,7 +106,7 @@ class Trials:
         slices: list[tuple[slice, bool]] = []
         for trial, values in trials:
             on = self.values_of(trial) if values is None else values
-            again = any(not source.stays and source.name in on for source in self.sources)
+            again = any(not source.kind.stays and source.name in on for source in self.sources)
             turns = self.procedure.turns if again else 1
             start = len(measured)
             measured += [self._seen_changes_mm(trial, on, turn) for turn in range(turns)]

@@ -16,7 +16,7 @@ from scipy.fft import next_fast_len
 from irtscots_cl.budget.light_sample import LINEAR, VARIANCES
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.ray_bends import LAYERS
-from irtscots_cl.budget.source import Draw
+from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.von_karman import slopes
 
@@ -35,8 +35,7 @@ class Turbulence:
     unit: str = "nm"
     text: str = "turbulent air: rms of the optical path from screen to camera, on the outer scale of [budget.air]"
     usual: float = 10.0
-    is_process: bool = True
-    stays: bool = False
+    kind: Kind = Kind.PROCESS
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in one trial."""

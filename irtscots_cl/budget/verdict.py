@@ -17,6 +17,7 @@ import numpy as np
 
 from irtscots_cl.budget.intervals import ErrorSamples, Interval
 from irtscots_cl.budget.measured_design import NOLLS
+from irtscots_cl.budget.source import Kind
 from irtscots_cl.budget.trials import Trials
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.maths.zernike.indices import noll_to_nm
@@ -66,6 +67,11 @@ class Verdict:
     rms: dict[str, Interval]
     judged: tuple[Judged, ...]
     warnings: tuple[str, ...] = ()
+
+    @property
+    def corrected(self) -> tuple[str, ...]:
+        """Names of the constants, which were taken out of the map."""
+        return tuple(source.name for source in self.trials.sources if source.kind is Kind.CONSTANT)
 
 
 def requirements(text: str, wavelength_nm: float = WAVELENGTH_NM) -> dict[str, float]:

@@ -10,6 +10,7 @@ import numpy as np
 from irtscots_cl.budget.assess import ErrorBudget
 from irtscots_cl.budget.measured_design import NOLLS
 from irtscots_cl.budget.sensitivity import NM
+from irtscots_cl.budget.source import Kind
 from irtscots_cl.budget.tolerances import Tolerances
 from irtscots_cl.calibration.height_response import LEFT_AFTER, by_terms
 from irtscots_cl.report.table import Table
@@ -117,7 +118,9 @@ def _source_table(found: ErrorBudget) -> Table:
 def _total_table(found: ErrorBudget) -> Table:
     assert found.linear is not None and found.monte_carlo is not None
     spread = found.monte_carlo
-    first = "root of the sum of squares" if not found.trials.joint.names else "predicted, with what is correlated"
+    constants = [source for source in found.trials.sources if source.kind is Kind.CONSTANT]
+    alike = bool(found.trials.joint.names) or len(constants) > 1  # what acts together has signs
+    first = "predicted, with what is correlated" if alike else "root of the sum of squares"
     rows = [(first, *(f"{nm:.3g}" for nm in found.linear.total_nm)),
             ("rms of the trials", *(f"{nm:.3g}" for nm in spread.root_mean_square_nm)),
             *((f"{100 * share:g} % of the trials below", *(f"{nm:.3g}" for nm in spread.percentile_nm(share)))

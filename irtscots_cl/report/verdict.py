@@ -20,6 +20,7 @@ def verdict_facts(found: Verdict) -> dict[str, Any]:
         "pixels_with_height": int(np.sum(found.used)),
         "coverage": COVERAGE,
         "compensators": list(found.trials.procedure.compensators),
+        "corrected": list(found.corrected),
         "wavelength_nm": found.wavelength_nm,
         "zernike_nm": {str(noll): _facts(interval) for noll, interval in found.zernikes.items()},
         "rms_nm": {name: _facts(interval) for name, interval in found.rms.items()},
@@ -49,6 +50,8 @@ def verdict_tables(found: Verdict) -> list[Table]:
     )
     if found.trials.procedure.text:
         title += f"; {found.trials.procedure.text}"
+    if found.corrected:
+        title += f"; corrected by what these do in every test: {', '.join(found.corrected)}"
     tables = [Table(title, head, [*terms, *rms])]
     if found.judged:
         limits = [

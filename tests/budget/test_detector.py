@@ -123,7 +123,7 @@ def test_read_noise_and_rounding_of_the_scene():
 
 def test_only_scenes_with_noise_have_that_source():
     noisy, plain = scene_with(electrons_at_peak=1e4, shot_noise=True), small_scene()
-    assert "detector.noise" in known_sources(noisy) and source_of("detector.noise", noisy).is_process
+    assert "detector.noise" in known_sources(noisy) and source_of("detector.noise", noisy).kind.is_random
     assert "detector.noise" not in known_sources(plain)
     with pytest.raises(SceneError, match=r"budget.sources.'detector.noise': unknown source"):
         source_of("detector.noise", plain)

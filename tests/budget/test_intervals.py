@@ -22,6 +22,7 @@ SOURCES = {
     "screen.brightness_xy": 0.2,
     "screen.sag_2_0_mm": 0.02,
     "noise.place_mm": 3e-3,
+    "camera.diffraction_nm": 3000.0,  # the same in all tests: 60 nm, and more than the noise
 }
 TRUTH_UM = {4: 0.1, 5: -0.08, 6: 0.06, 7: 0.03, 8: -0.05, 11: 0.04}
 
@@ -31,7 +32,8 @@ def trials_of(count: int, seed: int = 1, draws: int = MANY_DRAWS, pixels: int = 
     budget = Budget(sources=dict(SOURCES), trials=count, seed=seed)
     design = MeasuredDesign.of(Setup(small_scene(pixels)))
     trials = Trials.of(design, budget)
-    found = {one.source.name: one for one in sensitivities(design, trials.sources, draws)}
+    sizes = {name: given.size for name, given in budget.sources.items()}
+    found = {one.source.name: one for one in sensitivities(design, trials.sources, draws, sizes=sizes)}
     x, y = (v[design.seen.mask] / design.setup.chief_rays.surface.aperture_radius_mm
             for v in (design.seen.x_mm, design.seen.y_mm))  # fmt: skip
     truth = sum(um * 1e-3 * zernike(noll, x, y) for noll, um in TRUTH_UM.items())

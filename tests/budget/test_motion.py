@@ -44,5 +44,5 @@ def test_drift_is_a_move_that_grows_with_time(design):
 def test_names_and_units(design):
     scene = design.setup.scene
     assert source_of("vibration.camera.tilt_x_rad", scene).unit == "rad"
-    assert source_of("vibration.camera.tilt_x_rad", scene).is_process
-    assert not source_of("drift.camera.x_mm", scene).is_process
+    assert source_of("vibration.camera.tilt_x_rad", scene).kind.is_random
+    assert not source_of("drift.camera.x_mm", scene).kind.is_random

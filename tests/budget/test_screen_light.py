@@ -43,10 +43,10 @@ def test_a_dark_half_moves_places_to_the_other(sphere):
 def test_frames_brightness_acts_by_the_frames_weights(sphere, source):
     one, two = (source.changes_mm(sphere, value, Draw(3, 4)) for value in (1e-3, 2e-3))
     assert np.abs(2 * one - two).max() < 1e-15
-    limit = 4.4 if source.is_process else 1.0
+    limit = 4.4 if source.kind.is_random else 1.0
     for axis in range(2):
         weights = sphere.frames.of_brightness[axis]
-        bound = np.sqrt(np.sum(weights**2, -1)) if source.is_process else np.sum(np.abs(weights), -1) / 2
+        bound = np.sqrt(np.sum(weights**2, -1)) if source.kind.is_random else np.sum(np.abs(weights), -1) / 2
         assert (np.abs(one[axis]) < limit * 1e-3 * bound).all()
 
 

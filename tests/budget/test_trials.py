@@ -51,8 +51,8 @@ def test_what_does_not_stay_is_another_draw_in_every_exposure():
     detector = replace(scene.camera.detector, noise=noise)
     scene = replace(scene, camera=replace(scene.camera, detector=detector))
     sources = [*known_sources(scene).values(), source_of("vibration.camera.x_mm", scene)]
-    again = [source for source in sources if not source.stays]
-    assert len(again) >= 8 and all(source.is_process for source in again)
+    again = [source for source in sources if not source.kind.stays]
+    assert len(again) >= 8 and all(source.kind.is_random for source in again)
     design = MeasuredDesign.of(Setup(scene))
     for source in again:
         first, other = (source.changes_mm(design, source.usual, Draw(1, 2, repeat)) for repeat in (0, 1))
