@@ -9,9 +9,9 @@ import numpy as np
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.source import Draw, Kind
-from irtscots_cl.calibration.jacobian import centroid_jacobian, design_centroids
+from irtscots_cl.calibration.jacobian import centroid_jacobian, centroids_and_view
 from irtscots_cl.calibration.parameters import moved, parameter
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.scene.model import Scene
 
 PREFIXES = ("camera.", "screen.", "mirror.", "zernike.")
@@ -40,8 +40,14 @@ def geometry(name: str, scene: Scene) -> Geometry:
 
 def geometry_changes(design: MeasuredDesign, values: Mapping[str, float]) -> FloatArray:
     """Changes (du, dv) [2, n] of the places when several numbers differ together, exact."""
+    return changes_and_view(design, values)[0]
+
+
+def changes_and_view(design: MeasuredDesign, values: Mapping[str, float]) -> tuple[FloatArray, BoolArray]:
+    """As geometry_changes; and which pixels [n] still see the screen in the mirror. Changes go on beyond the rim."""
     there = moved(design.setup.scene, values)
-    return design_centroids(there, design.setup, design.seen.pixels) - design.places_mm
+    places, sees = centroids_and_view(there, design.setup, design.seen.pixels)
+    return places - design.places_mm, sees
 
 
 def geometry_derivatives(design: MeasuredDesign, names: Sequence[str]) -> FloatArray:

@@ -26,12 +26,14 @@ BLOCK = 16  # trials measured together
 class MonteCarlo:
     """rms_nm: [trials, 4] of each trial's height error, with LEFT_AFTER removed. zernike_nm: [trials, terms] of NOLLS.
 
-    failed: why, by number, of trials that cannot be measured; their rms is infinite, their terms are NaN. mean_mm,
-    deviation_mm: [n] over the other trials of each pixel's height, piston and tilt removed.
+    lost: [trials] share of the pixels that have the mirror or the screen no longer in view: their heights are those of
+    chief rays that go on. failed: why, by number, of trials that cannot be measured; their rms is infinite, their terms
+    and lost are NaN. mean_mm, deviation_mm: [n] over the other trials of each pixel's height, piston and tilt removed.
     """
 
     rms_nm: FloatArray = field(repr=False)
     zernike_nm: FloatArray = field(repr=False)
+    lost: FloatArray = field(repr=False)
     mean_mm: FloatArray = field(repr=False)
     deviation_mm: FloatArray = field(repr=False)
     failed: dict[int, str] = field(default_factory=dict)
@@ -66,12 +68,14 @@ def monte_carlo(trials: Trials, done: Callable[[int], None] = lambda count: None
     """
     design, count = trials.design, trials.budget.trials
     rms, terms = np.full((count, len(LEFT_AFTER)), np.inf), np.full((count, len(NOLLS)), np.nan)
+    lost = np.full(count, np.nan)
     total, squares = np.zeros(design.count), np.zeros(design.count)
     failed: dict[int, str] = {}
     for first in range(0, count, BLOCK):
         interruption.check()
-        numbers, heights = _measured(trials, range(first, min(first + BLOCK, count)), failed)
+        numbers, heights, lost_of = _measured(trials, range(first, min(first + BLOCK, count)), failed)
         if numbers:
+            lost[numbers] = lost_of
             rms[numbers] = design.response.left(heights) * NM
             terms[numbers] = zernike_coefficients(design, heights) * NM
             without = design.response.without(heights, LEFT_AFTER[0])
@@ -87,16 +91,20 @@ def monte_carlo(trials: Trials, done: Callable[[int], None] = lambda count: None
         )
     mean = total / measured
     variance = np.maximum(squares - measured * mean**2, 0.0) / (measured - 1)
-    return MonteCarlo(rms, terms, mean, np.sqrt(variance), failed)
+    return MonteCarlo(rms, terms, lost, mean, np.sqrt(variance), failed)
 
 
-def _measured(trials: Trials, numbers: Sequence[int], failed: dict[int, str]) -> tuple[list[int], FloatArray]:
-    """The trials of some numbers that can be measured, and their heights [trials, n]; the others go to ``failed``."""
+def _measured(
+    trials: Trials, numbers: Sequence[int], failed: dict[int, str]
+) -> tuple[list[int], FloatArray, FloatArray]:
+    """The trials of some numbers that can be measured, their heights [trials, n] and lost shares; the others go to
+    ``failed``."""
     try:
-        return list(numbers), trials.heights_mm([(number, None) for number in numbers])
+        return list(numbers), *trials.heights_and_lost([(number, None) for number in numbers])
     except NotMeasuredError as error:
         if len(numbers) == 1:
             failed[numbers[0]] = str(error)
-            return [], np.zeros((0, trials.design.count))
+            return [], np.zeros((0, trials.design.count)), np.zeros(0)
     alone = [_measured(trials, [number], failed) for number in numbers]
-    return [number for one, _ in alone for number in one], np.concatenate([heights for _, heights in alone])
+    measured, heights, lost = zip(*alone, strict=True)
+    return [number for one in measured for number in one], np.concatenate(heights), np.concatenate(lost)

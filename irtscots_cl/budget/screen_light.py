@@ -35,7 +35,7 @@ class PixelBrightness:
 @dataclass(frozen=True)
 class DeadPixels:
     """Pixels of the screen that are dark, each with the same chance. value: root of their share, which effects grow
-    with. A pixel of the detector that sees dead ones alone keeps its place."""
+    with."""
 
     name: str = "screen.dead_pixels"
     unit: str = "sqrt(share)"
@@ -44,10 +44,10 @@ class DeadPixels:
     kind: Kind = Kind.FIXED_PATTERN
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
-        """Changes (du, dv) [2, n] of the places in one trial."""
+        """Changes (du, dv) [2, n] of the places in one trial; NaN for a pixel that sees dead ones alone."""
         columns, rows = design.setup.scene.screen.pixels
         even = draw.uniform(self.name, rows, columns)
-        return np.nan_to_num(weighted(design, np.where(even < value**2, 0.0, 1.0)))
+        return weighted(design, np.where(even < value**2, 0.0, 1.0))
 
 
 def weighted(design: MeasuredDesign, factor: FloatArray) -> FloatArray:

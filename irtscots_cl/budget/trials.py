@@ -13,15 +13,17 @@ from functools import cached_property
 import numpy as np
 
 from irtscots_cl.budget.distributions import drawn, even_shares
-from irtscots_cl.budget.geometry import geometry_changes
+from irtscots_cl.budget.geometry import changes_and_view as geometry_view
 from irtscots_cl.budget.joint import NONE, Joint, with_calibrated
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.procedure import Procedure, is_figure
 from irtscots_cl.budget.source import Draw, Kind, Source
 from irtscots_cl.budget.sources import geometry_sources, source_of
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.validation import SceneError, problem
+
+LEAST_SHARE = 0.5  # of the pixels that a test must measure
 
 
 class NotMeasuredError(Exception):
@@ -85,68 +87,100 @@ class Trials:
     def changes_mm(self, trial: int, values: Mapping[str, float] | None = None, turn: int = 0) -> FloatArray:
         """Changes (du, dv) [2, n] of the places in a trial with some of its sources on; all by default.
 
-        turn: of the mirror, whose processes are other draws. The mean over the exposures.
+        turn: of the mirror, whose processes are other draws. The mean over the exposures. NaN where a chief ray misses
+        the mirror's surface.
         """
-        on = self.values_of(trial) if values is None else values
+        return self._changes_and_view(trial, self.values_of(trial) if values is None else values, turn)[0]
+
+    def _changes_and_view(self, trial: int, on: Mapping[str, float], turn: int) -> tuple[FloatArray, BoolArray]:
+        """As changes_mm; and which pixels [n] see light."""
         chosen, exposures = [s for s in self.sources if s.name in on], self.procedure.exposures
-        total = changes_mm(self.design, [s for s in chosen if s.kind.stays], on, Draw(self.budget.seed, trial))
+        total, sees = changes_and_view(
+            self.design, [s for s in chosen if s.kind.stays], on, Draw(self.budget.seed, trial)
+        )
         for source in chosen:
             if not source.kind.stays:
                 for repeat in range(turn * exposures, (turn + 1) * exposures):
                     draw = Draw(self.budget.seed, trial, repeat)
                     total = total + source.changes_mm(self.design, on[source.name], draw) / exposures
-        return total
+        return total, sees
 
     def heights_mm(self, trials: Iterable[tuple[int, Mapping[str, float] | None]]) -> FloatArray:
         """Height errors [trials, n] of trials with some of their sources on, as the procedure leaves them.
 
         Raises NotMeasuredError where one of them cannot be measured.
         """
+        return self.heights_and_lost(trials)[0]
+
+    def heights_and_lost(
+        self, trials: Iterable[tuple[int, Mapping[str, float] | None]]
+    ) -> tuple[FloatArray, FloatArray]:
+        """As heights_mm; and the share [trials] of the pixels that have lost the mirror or the screen out of view."""
         measured: list[FloatArray] = []
         slices: list[tuple[slice, bool]] = []
+        lost: list[float] = []
         for trial, values in trials:
             on = self.values_of(trial) if values is None else values
             again = any(not source.kind.stays and source.name in on for source in self.sources)
             turns = self.procedure.turns if again else 1
             start = len(measured)
-            measured += [self._seen_changes_mm(trial, on, turn) for turn in range(turns)]
+            changes, shares = zip(*(self._measured(trial, on, turn) for turn in range(turns)), strict=True)
+            measured += changes
+            lost.append(max(shares))
             figure = {
                 source.name: on[source.name] for source in self.sources if source.name in on and is_figure(source)
             }
             has_figure = bool(figure) and self.procedure.turns > 1
             slices.append((slice(start, len(measured)), has_figure))
             if has_figure:
-                measured.append(self._seen_changes_mm(trial, figure))
+                measured.append(self._measured(trial, figure)[0])
         try:
-            heights = self.design.heights_mm(np.stack(measured))
+            # one by one: the last bits depend on how many maps are integrated together
+            heights = np.concatenate([self.design.heights_mm(one[None]) for one in measured])
         except ValueError as error:  # heights that run away
             raise NotMeasuredError(str(error)) from None
-        return np.stack([
+        left = [
             self.procedure.of_trial(heights[part], heights[part.stop] if has_figure else None)
             for part, has_figure in slices
-        ])  # fmt: skip
+        ]
+        return np.stack(left), np.array(lost)
 
-    def _seen_changes_mm(self, trial: int, values: Mapping[str, float], turn: int = 0) -> FloatArray:
-        """As changes_mm. Raises NotMeasuredError for a set-up that cannot be, or in which a pixel sees no light."""
+    def _measured(self, trial: int, on: Mapping[str, float], turn: int = 0) -> tuple[FloatArray, float]:
+        """Changes [2, n] and the share of the pixels that is lost.
+
+        Raises NotMeasuredError for a set-up that cannot be, a chief ray that misses the mirror's surface, or where too
+        few pixels are left.
+        """
         try:
-            found = self.changes_mm(trial, values, turn)
+            found, sees = self._changes_and_view(trial, on, turn)
         except SceneError as error:
             raise NotMeasuredError(str(error)) from None
-        if dark := found.shape[1] - np.count_nonzero(np.isfinite(found).all(0)):
-            raise NotMeasuredError(f"{dark} of {found.shape[1]} pixels see no light of the screen")
-        return found
+        count = len(sees)
+        if missed := count - np.count_nonzero(np.isfinite(found).all(0)):
+            raise NotMeasuredError(
+                f"the chief rays of {missed} of {count} pixels miss the surfaces of mirror or screen"
+            )
+        left = np.count_nonzero(sees)
+        if left < LEAST_SHARE * count:
+            raise NotMeasuredError(f"{left} of {count} pixels still see the screen's light in the mirror; too few")
+        return found, 1 - left / count
 
 
-def changes_mm(
+def changes_and_view(
     design: MeasuredDesign, sources: Iterable[Source], values: Mapping[str, float], draw: Draw
-) -> FloatArray:
-    """Changes (du, dv) [2, n] of the places by several sources at once: the geometry's together, exact, then others."""
+) -> tuple[FloatArray, BoolArray]:
+    """Changes (du, dv) [2, n] of the places by several sources at once: the geometry's together, exact, then others.
+
+    And which pixels [n] see light. One that a source leaves without light keeps its place by that source.
+    """
     chosen = list(sources)
     moving = geometry_sources(chosen)
-    total = np.zeros((2, design.count))
+    total, sees = np.zeros((2, design.count)), np.ones(design.count, bool)
     if moving:
-        total = total + geometry_changes(design, {source.name: values[source.name] for source in moving})
+        total, sees = geometry_view(design, {source.name: values[source.name] for source in moving})
     for source in chosen:
         if source not in moving:
-            total = total + source.changes_mm(design, values[source.name], draw)
-    return total
+            changes = source.changes_mm(design, values[source.name], draw)
+            lit = np.isfinite(changes).all(0)
+            total, sees = total + np.where(lit, changes, 0.0), sees & lit
+    return total, sees

@@ -22,8 +22,9 @@ from irtscots_cl.calibration.parameters import (
     zernike_noll,
 )
 from irtscots_cl.calibration.ray_changes import RayChanges, ray_changes
+from irtscots_cl.calibration.seen_pixels import sees
 from irtscots_cl.maths import lens_distortion
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.maths.quadric import Quadric
 from irtscots_cl.maths.zernike.polynomials import zernike, zernike_gradient
 from irtscots_cl.optics.chief_rays import ChiefRays
@@ -69,9 +70,16 @@ def design_centroids(scene: Scene | Setup, design: Scene | Setup, pixels: Pixels
 
     pixels: as for centroid_jacobian. The scene's screen has as many pixels as the design's, which may have moved.
     """
-    chief = Setup.of(scene).chief_rays
-    _, u, v = chief.reverse(*_pixels(chief, pixels))
-    return _on_grid(np.stack([u, v]), Setup.of(scene).scene, Setup.of(design).scene)
+    return centroids_and_view(scene, design, pixels)[0]
+
+
+def centroids_and_view(
+    scene: Scene | Setup, design: Scene | Setup, pixels: Pixels | None = None
+) -> tuple[FloatArray, BoolArray]:
+    """As design_centroids; and of which pixels [n] the chief rays go by way of the scene's mirror to its screen."""
+    setup = Setup.of(scene)
+    points, u, v = setup.chief_rays.reverse(*_pixels(setup.chief_rays, pixels))
+    return _on_grid(np.stack([u, v]), setup.scene, Setup.of(design).scene), sees(setup, points, u, v)
 
 
 def _on_grid(places_mm: FloatArray, scene: Scene, design: Scene) -> FloatArray:

@@ -47,8 +47,7 @@ def seen_pixels(setup: Setup, most_per_axis: int = MOST_PER_AXIS) -> SeenPixels:
     step = -(-max(chief.shape) // most_per_axis)
     row, column = (np.arange((n - 1) % step // 2, n, step, dtype=float) for n in chief.shape)
     points, u, v = chief.reverse(*np.meshgrid(row, column, indexing="ij"))
-    with np.errstate(invalid="ignore"):
-        mask = chief.surface.contains(points[..., 0], points[..., 1]) & on_screen(setup, u, v)
+    mask = sees(setup, points, u, v)
     if np.count_nonzero(mask) < FEWEST:
         check_visible(chief, setup.scene.name)
         raise ValueError(
@@ -57,6 +56,14 @@ def seen_pixels(setup: Setup, most_per_axis: int = MOST_PER_AXIS) -> SeenPixels:
             f"must be at least {FEWEST}, for maps of the mirror"
         )
     return SeenPixels(step, row, column, points[..., 0], points[..., 1], mask)
+
+
+def sees(setup: Setup, points: FloatArray, u: FloatArray, v: FloatArray) -> BoolArray:
+    """Whether chief rays that meet the mirror's surface at points [..., 3] and the screen at (u, v) in mm [...] meet
+    the mirror itself and the screen's pixels."""
+    with np.errstate(invalid="ignore"):
+        found: BoolArray = setup.chief_rays.surface.contains(points[..., 0], points[..., 1]) & on_screen(setup, u, v)
+    return found
 
 
 def on_screen(setup: Setup, u: FloatArray, v: FloatArray) -> BoolArray:

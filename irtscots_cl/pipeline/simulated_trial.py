@@ -16,7 +16,7 @@ from scipy.ndimage import binary_erosion
 from irtscots_cl.budget.brightness import TERMS, Brightness
 from irtscots_cl.budget.geometry import Geometry
 from irtscots_cl.budget.sensitivity import NM
-from irtscots_cl.budget.trials import Trials
+from irtscots_cl.budget.trials import LEAST_SHARE, Trials
 from irtscots_cl.calibration.parameters import moved
 from irtscots_cl.calibration.seen_pixels import FEWEST
 from irtscots_cl.imaging.image_stack import ImageStack
@@ -32,7 +32,6 @@ from irtscots_cl.tracing.trace import trace
 
 RAYS_PER_PIXEL = 2**14
 NAME_KEPT = 48  # characters of a scene's name, of 64
-LEAST_SHARE = 0.5  # of the pixels, that both tests must measure
 MEASURE = "paper"  # as the budget measures: trapezoids, and slopes as means over pixels
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from irtscots_cl.budget.assess import own_sensitivities
 from irtscots_cl.budget.intervals import ErrorSamples
 from irtscots_cl.budget.measured_design import NOLLS, MeasuredDesign
-from irtscots_cl.budget.trials import Trials
+from irtscots_cl.budget.trials import LEAST_SHARE, Trials
 from irtscots_cl.budget.verdict import LEFT_OUT, WAVELENGTH_NM, Verdict, judge, requirements
 from irtscots_cl.calibration.seen_pixels import FEWEST
 from irtscots_cl.formats.height_map import SURFACE, HeightMap
@@ -27,7 +27,6 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
 
 MOST_FITTED = 10**5  # nodes, of a map's low orders
-LEAST_SHARE = 0.5  # of the design's pixels that a map must have heights for
 
 
 def judge_map(

@@ -54,6 +54,7 @@ def budget_facts(found: ErrorBudget) -> dict[str, Any]:
     facts["predicted_nm"] = by_terms(linear.total_nm)
     facts["predicted_zernike_covariance_nm2"] = linear.zernike_covariance_nm2.tolist()
     facts["trials_rms_nm"] = by_terms(spread.root_mean_square_nm)
+    facts["trials_largest_share_out_of_view"] = float(np.nanmax(spread.lost))
     facts["trials_not_measured"] = {str(number): why for number, why in spread.failed.items()}
     facts["trials_percentiles_nm"] = {f"{share:g}": by_terms(spread.percentile_nm(share)) for share in SHARES}
     facts["trials_zernike_covariance_nm2"] = spread.zernike_covariance_nm2.tolist()
@@ -125,6 +126,10 @@ def _total_table(found: ErrorBudget) -> Table:
             ("rms of the trials", *(f"{nm:.3g}" for nm in spread.root_mean_square_nm)),
             *((f"{100 * share:g} % of the trials below", *(f"{nm:.3g}" for nm in spread.percentile_nm(share)))
               for share in SHARES)]  # fmt: skip
+    if np.nanmax(spread.lost) > 0:
+        trial = int(np.nanargmax(spread.lost))
+        share = f"{100 * spread.lost[trial]:.2g} %"
+        rows.append((f"trial {trial}: {share} of the pixels out of view, the most; they count as if seen", *[""] * 4))
     if spread.failed:
         number, why = next(iter(spread.failed.items()))
         rows.append(

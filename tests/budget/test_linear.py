@@ -86,5 +86,7 @@ def test_a_constant_is_taken_at_its_own_size(trials):
 
 
 def test_a_constant_has_one_size():
-    with pytest.raises(SceneError, match=r"camera.diffraction_nm.*uniform = 500.0: must be a number; a constant has one"):
+    with pytest.raises(
+        SceneError, match=r"camera.diffraction_nm.*uniform = 500.0: must be a number; a constant has one"
+    ):
         small_trials(sources={CONSTANT: {"uniform": 500.0}})

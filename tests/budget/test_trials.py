@@ -28,6 +28,8 @@ def test_a_trial_is_the_same_alone_and_among_many():
     few, many = small_trials(trials=8), small_trials(trials=64)
     assert few.values_of(5) == many.values_of(5)
     assert np.array_equal(few.changes_mm(5), many.changes_mm(5))
+    together = many.heights_mm([(number, None) for number in range(3, 9)])
+    assert np.array_equal(few.heights_mm([(5, None)])[0], together[2])
 
 
 def test_sources_come_in_any_order():
