@@ -280,6 +280,8 @@ MEANINGS = (
         "normal": "standard deviation of a normal distribution",
         "uniform": "half the width of an even one",
         "triangular": "half the width of a triangular one",
+        "set_ups": "number of measurements that each have a value of their own, such as of a camera set up anew; their "
+                   "mean is taken",
         "cost": "what it costs to calibrate this source away, in any unit of money",
     }),
     ("[[element]]", Element, "A surface with its effect on light: `mirror` reflects in front and is black behind, "

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from irtscots_cl.budget.distributions import excess
 from irtscots_cl.budget.joint import NONE, Joint
 from irtscots_cl.budget.measured_design import NOLLS, MeasuredDesign
 from irtscots_cl.budget.sensitivity import NM, Sensitivity, zernike_coefficients
@@ -20,8 +21,6 @@ from irtscots_cl.budget.source import Kind
 from irtscots_cl.calibration.height_response import LEFT_AFTER
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.error_sources import Distribution
-
-EXCESS = {"normal": 2.0, "uniform": 0.8, "triangular": 1.4}  # variance of x^2 over that of x, squared
 
 
 @dataclass(frozen=True)
@@ -45,11 +44,11 @@ class LinearBudget:
 @dataclass(frozen=True)
 class _Part:
     """Sources that vary by themselves: one, or all joint ones. maps: [rows, n] height of one standard deviation each;
-    of draws of a process, or of independent numbers that act together."""
+    of draws of a process, or of independent numbers that act together. excess: of these numbers."""
 
     names: tuple[str, ...]
     maps: FloatArray
-    kind: str
+    excess: float
     is_process: bool
 
     @property
@@ -90,13 +89,13 @@ def _is_constant(one: Sensitivity) -> bool:
 
 def _parts(found: Mapping[str, Sensitivity], given: Mapping[str, Distribution], joint: Joint) -> list[_Part]:
     parts = [
-        _Part((name,), np.atleast_2d(found[name].height_mm) * one.sigma, one.kind, found[name].source.kind.is_random)
+        _Part((name,), np.atleast_2d(found[name].height_mm) * one.sigma, excess(one), found[name].source.kind.is_random)
         for name, one in given.items()
         if name not in joint.names and not _is_constant(found[name])
     ]
     if joint.names:
         together = np.stack([found[name].height_mm for name in joint.names])
-        parts.append(_Part(joint.names, joint.independent(together), "normal", False))
+        parts.append(_Part(joint.names, joint.independent(together), excess(Distribution(normal=1.0)), False))
     return parts
 
 
@@ -133,4 +132,4 @@ def _alone(part: _Part, maps: FloatArray) -> float:
         return float(np.var(np.mean(maps**2, axis=1), ddof=1))
     gram = maps @ maps.T / maps.shape[1]
     own = np.diag(gram) ** 2
-    return float(EXCESS[part.kind] * own.sum() + 2 * (np.sum(gram**2) - own.sum()))
+    return float(part.excess * own.sum() + 2 * (np.sum(gram**2) - own.sum()))

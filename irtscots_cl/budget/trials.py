@@ -51,7 +51,7 @@ class Trials:
         sources = tuple(source_of(name, scene) for name in sorted(budget.sources))
         for source in sources:
             given = budget.sources[source.name]
-            if source.kind is not Kind.PARAMETER and given.kind != "normal":
+            if source.kind is not Kind.PARAMETER and (given.kind != "normal" or given.set_ups is not None):
                 key = ("budget", "sources", source.name, given.kind)
                 text = f"must be a number; a {source.kind.value} has one size"
                 raise problem(scene.name, key, text, given.size)

@@ -10,10 +10,11 @@ import numpy as np
 from irtscots_cl.budget.assess import ErrorBudget
 from irtscots_cl.budget.measured_design import NOLLS
 from irtscots_cl.budget.sensitivity import NM
-from irtscots_cl.budget.source import Kind
+from irtscots_cl.budget.source import Kind, Source
 from irtscots_cl.budget.tolerances import Tolerances
 from irtscots_cl.calibration.height_response import LEFT_AFTER, by_terms
 from irtscots_cl.report.table import Table
+from irtscots_cl.scene.error_sources import Distribution
 
 HEAD = ("piston, tilt", "+ power", "+ astigmatism", "+ coma")
 SHARES = (0.5, 0.68, 0.95, 0.99)
@@ -46,7 +47,7 @@ def budget_facts(found: ErrorBudget) -> dict[str, Any]:
     linear, spread = found.linear, found.monte_carlo
     facts["sources"] = [
         {
-            "name": name, "distribution": given.kind, "size": given.size, "sigma": given.sigma,
+            "name": name, "distribution": given.kind, "size": given.size, "set_ups": given.values, "sigma": given.sigma,
             "nm": by_terms(linear.nm[name]), "sobol_first": linear.first[name], "sobol_total": linear.total[name],
         }
         for name, given in budget.sources.items()
@@ -105,7 +106,7 @@ def _source_table(found: ErrorBudget) -> Table:
     star = {name: " *" if name in found.trials.joint.names else "" for name in given}
     rows = [
         (name + star[name],
-         f"{given[name].kind} {given[name].size:.3g} {found.sensitivities[name].source.unit}".strip(),
+         _given(given[name], found.sensitivities[name].source),
          *(f"{nm:.3g}" for nm in linear.nm[name]), f"{100 * linear.total[name]:.1f} %")
         for name in ranked
     ]  # fmt: skip
@@ -114,6 +115,13 @@ def _source_table(found: ErrorBudget) -> Table:
         title += f"; * {len(joint)} vary together as calibrated, share of the spread of all of them"
     title = _said(title, found)
     return Table(title, ("source", "given", *HEAD, "share of the spread"), rows)
+
+
+def _given(distribution: Distribution, source: Source) -> str:
+    """A source's size in words."""
+    kind = distribution.kind if source.kind is Kind.PARAMETER else source.kind.value
+    text = f"{kind} {distribution.size:.3g} {source.unit}".strip()
+    return text if distribution.values == 1 else f"{text}, mean of {distribution.values}"
 
 
 def _total_table(found: ErrorBudget) -> Table:

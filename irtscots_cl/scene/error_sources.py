@@ -17,6 +17,8 @@ from irtscots_cl.scene.validation import PositiveMm, Seed, array_of, bounded, ch
 _SIZE = bounded(gt=0, le=1e6)
 _Size = Annotated[Annotated[float, Strict(), _SIZE] | None, Field(description=_SIZE.description)]
 _COST = bounded(ge=0, le=1e12)
+_SET_UPS = "an integer from 1 to 24"
+_SetUps = Annotated[int, Strict(), Field(ge=1, le=24, description=_SET_UPS)]
 _Periods = Annotated[float, Strict(), bounded(gt=0, le=1e4)]
 _NM = bounded(gt=0, le=1e9)
 _WIND = bounded(ge=0, le=1e6)
@@ -28,13 +30,15 @@ KINDS = ("normal", "uniform", "triangular")
 class Distribution:
     """Of one source's value, about 0, in the unit of its name.
 
-    normal: standard deviation. uniform, triangular: half the width. cost: what it costs to calibrate this source away,
-    in any unit of money. Raises SceneError for a value that is not allowed.
+    normal: standard deviation. uniform, triangular: half the width. set_ups: number of measurements, of whose mean the
+    test is made, that each have a value of their own, such as of a camera that is set up anew. cost: what it costs to
+    calibrate this source away, in any unit of money. Raises SceneError for a value that is not allowed.
     """
 
     normal: _Size = None
     uniform: _Size = None
     triangular: _Size = None
+    set_ups: Annotated[_SetUps | None, Field(description=_SET_UPS)] = None
     cost: Annotated[Annotated[float, Strict(), _COST] | None, Field(description=_COST.description)] = None
 
     @model_validator(mode="after")
@@ -55,14 +59,20 @@ class Distribution:
         return float(getattr(self, self.kind))
 
     @property
+    def values(self) -> int:
+        """Number of values whose mean acts."""
+        return self.set_ups or 1
+
+    @property
     def sigma(self) -> float:
-        """Standard deviation."""
-        return self.size / {"normal": 1.0, "uniform": math.sqrt(3), "triangular": math.sqrt(6)}[self.kind]
+        """Standard deviation, of the mean."""
+        own = self.size / {"normal": 1.0, "uniform": math.sqrt(3), "triangular": math.sqrt(6)}[self.kind]
+        return own / math.sqrt(self.values)
 
 
 def _sources(table: Any) -> Any:
     """The table with one level of keys, and numbers as standard deviations."""
-    return flat_names(table, (*KINDS, "cost"), "normal")
+    return flat_names(table, (*KINDS, "set_ups", "cost"), "normal")
 
 
 @checked("air")

@@ -86,6 +86,8 @@ def test_a_constant_is_taken_at_its_own_size(trials):
 
 
 def test_a_constant_has_one_size():
+    with pytest.raises(SceneError, match=r"noise.place_mm.*normal = 0.001: must be a number; a process has one size"):
+        small_trials(sources={"noise.place_mm": {"normal": 1e-3, "set_ups": 2}})
     with pytest.raises(
         SceneError, match=r"camera.diffraction_nm.*uniform = 500.0: must be a number; a constant has one"
     ):

@@ -24,6 +24,14 @@ def test_values_have_the_distributions():
         assert abs(values.mean()) < 0.01 * given.sigma
 
 
+def test_what_is_set_up_anew_for_each_measurement_has_the_spread_of_a_mean():
+    given = {"camera.x_mm": {"uniform": 0.3, "set_ups": 4}, "screen.x_mm": {"uniform": 0.3}}
+    values = small_trials(trials=1024, sources=given).values
+    assert values["camera.x_mm"].std() == pytest.approx(0.3 / np.sqrt(12), rel=0.02)
+    assert np.abs(values["camera.x_mm"]).max() > 0.75 * 0.3  # all four at one end, nearly
+    assert values["screen.x_mm"].std() == pytest.approx(0.3 / np.sqrt(3), rel=0.02)
+
+
 def test_a_trial_is_the_same_alone_and_among_many():
     few, many = small_trials(trials=8), small_trials(trials=64)
     assert few.values_of(5) == many.values_of(5)

@@ -39,8 +39,15 @@ def test_round_trip():
             '[budget.sources]\n"camera.x_mm" = { normal = 1.0, uniform = 2.0 }',
             "uniform = 2.0: must be given without another",
         ),
+        (
+            '[budget.sources]\n"camera.x_mm" = { normal = 1.0, set_ups = 25 }',
+            "set_ups = 25: must be an integer from 1 to",
+        ),
         ('[budget.sources]\n"camera.x_mm" = { cost = 1.0 }', "must be given, or uniform"),
-        ('[budget.sources]\n"camera.x_mm" = "a"', "must be a number, or a table { normal, uniform, triangular, cost }"),
+        (
+            '[budget.sources]\n"camera.x_mm" = "a"',
+            "must be a number, or a table { normal, uniform, triangular, set_ups, cost }",
+        ),
         ("[budget]\ntrials = 1", "budget.trials = 1: must be an integer from 2 to"),
         ("[budget]\nexposures = 0", "budget.exposures = 0: must be an integer from 1 to"),
         ("[budget]\nmirror_turns = 25", "budget.mirror_turns = 25: must be an integer from 1 to 24"),
