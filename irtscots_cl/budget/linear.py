@@ -42,7 +42,7 @@ class LinearBudget:
 
 
 @dataclass(frozen=True)
-class _Part:
+class ErrorPart:
     """Sources that vary by themselves: one, or all joint ones. maps: [rows, n] height of one standard deviation each;
     of draws of a process, or of independent numbers that act together. excess: of these numbers."""
 
@@ -65,7 +65,7 @@ def linear_budget(
     constant = sum_of_constants(found, given, design.count)
     total, variance = (design.response.left(constant[None])[0] * NM) ** 2, np.zeros(design.count)
     covariance = np.zeros((len(NOLLS), len(NOLLS)))
-    parts = _parts(found, given, joint)
+    parts = error_parts(found, given, joint)
     for part in parts:
         total = total + part.share * np.sum((design.response.left(part.maps) * NM) ** 2, axis=0)
         variance = variance + part.share * np.sum(design.response.without(part.maps, LEFT_AFTER[0]) ** 2, axis=0)
@@ -87,20 +87,23 @@ def _is_constant(one: Sensitivity) -> bool:
     return one.source.kind is Kind.CONSTANT
 
 
-def _parts(found: Mapping[str, Sensitivity], given: Mapping[str, Distribution], joint: Joint) -> list[_Part]:
+def error_parts(found: Mapping[str, Sensitivity], given: Mapping[str, Distribution], joint: Joint) -> list[ErrorPart]:
+    """What varies from test to test, of the same sources; joint ones together."""
     parts = [
-        _Part((name,), np.atleast_2d(found[name].height_mm) * one.sigma, excess(one), found[name].source.kind.is_random)
+        ErrorPart(
+            (name,), np.atleast_2d(found[name].height_mm) * one.sigma, excess(one), found[name].source.kind.is_random
+        )
         for name, one in given.items()
         if name not in joint.names and not _is_constant(found[name])
     ]
     if joint.names:
         together = np.stack([found[name].height_mm for name in joint.names])
-        parts.append(_Part(joint.names, joint.independent(together), excess(Distribution(normal=1.0)), False))
+        parts.append(ErrorPart(joint.names, joint.independent(together), excess(Distribution(normal=1.0)), False))
     return parts
 
 
 def _sobol(
-    design: MeasuredDesign, parts: list[_Part], constant_mm: FloatArray
+    design: MeasuredDesign, parts: list[ErrorPart], constant_mm: FloatArray
 ) -> tuple[dict[str, float], dict[str, float]]:
     """First and total indices of the mean square, by name; joint sources have those of all of them.
 
@@ -126,7 +129,7 @@ def _sobol(
     )
 
 
-def _alone(part: _Part, maps: FloatArray) -> float:
+def _alone(part: ErrorPart, maps: FloatArray) -> float:
     """Variance of the mean square by one part alone."""
     if part.is_process:
         return float(np.var(np.mean(maps**2, axis=1), ddof=1))

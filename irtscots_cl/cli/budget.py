@@ -82,7 +82,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain, write_text
 
     if options.out is not None:
-        check_output_folder(options.out, ("budget.json", "budget.csv"), ("figures",))
+        check_output_folder(options.out, ("budget.json", "budget.csv", "budget.h5"), ("figures",))
     budget = scene.budget or Budget()
     if options.trials is not None:
         if not 2 <= options.trials <= 2**20:
@@ -175,7 +175,11 @@ def _write(found: ErrorBudget, facts: dict[str, Any], folder: Path) -> None:
     with replacing(folder / "budget.csv") as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows(budget_rows(found))
     if found.linear is not None:
+        from irtscots_cl.pipeline.output import version_attributes
         from irtscots_cl.report.budget_figures import write_budget_figures
+        from irtscots_cl.report.budget_file import write_budget_file
 
+        about = {"scene": found.trials.design.setup.scene.to_toml(), "seed": str(found.trials.budget.seed)}
+        write_budget_file(found, folder / "budget.h5", about | version_attributes())
         (folder / "figures").mkdir(exist_ok=True)
         write_budget_figures(found, folder / "figures")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from irtscots_cl.budget.assess import ErrorBudget
+from irtscots_cl.budget.covariance import map_correlation
 from irtscots_cl.budget.measured_design import NOLLS
 from irtscots_cl.budget.sensitivity import NM
 from irtscots_cl.budget.source import Kind, Source
@@ -52,6 +53,8 @@ def budget_facts(found: ErrorBudget) -> dict[str, Any]:
         }
         for name, given in budget.sources.items()
     ]  # fmt: skip
+    names, alike = map_correlation(trials.design, {name: found.sensitivities[name] for name in budget.sources})
+    facts["map_correlation"] = {"sources": list(names), "matrix": alike.tolist()}
     facts["predicted_nm"] = by_terms(linear.total_nm)
     facts["predicted_zernike_covariance_nm2"] = linear.zernike_covariance_nm2.tolist()
     facts["trials_rms_nm"] = by_terms(spread.root_mean_square_nm)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 from small_budget import SOURCES, small_scene
@@ -31,8 +32,17 @@ def test_json_and_file(irtscots, small, tmp_path):
     assert data == json.loads((tmp_path / "out" / "budget.json").read_text())
     assert {one["name"] for one in data["sources"]} == set(SOURCES)
     assert sorted(path.name for path in (tmp_path / "out").rglob("*.*")) == [
-        "budget.csv", "budget.json", "cumulative.png", "maps.png", "tornado.png",
+        "budget.csv", "budget.h5", "budget.json", "cumulative.png", "maps.png", "tornado.png",
     ]  # fmt: skip
+    with h5py.File(tmp_path / "out" / "budget.h5") as file:
+        total = np.nansum([file[f"ledger/{name}"][:] for name in SOURCES], axis=0)
+        inside = np.isfinite(file["mirror/x_mm"][:])
+        assert total[inside] == pytest.approx(file["ledger_total"][:][inside], abs=1e-9)
+        assert file["ledger_total"].attrs["trial"] == 3
+        size = np.sqrt(np.nanmean(file["sources/camera.x_mm"][:] ** 2))
+        of_camera = next(one for one in data["sources"] if one["name"] == "camera.x_mm")
+        assert size == pytest.approx(of_camera["nm"]["piston_tilt"], rel=1e-6)
+        assert 0.9 < file["predicted/modes"].attrs["share_of_variance"] < 1
     head, *rows = (tmp_path / "out" / "budget.csv").read_text().splitlines()
     assert head.startswith("source,unit,distribution,size,sigma,nm_piston_tilt,") and len(rows) == len(SOURCES)
     assert data["ledger"]["trial"] == 3 and data["trials"] == 16
