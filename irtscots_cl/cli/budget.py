@@ -65,7 +65,8 @@ def add(commands) -> None:
         "--out",
         type=Path,
         metavar="DIR",
-        help="write budget.json, budget.csv, figures, and the scene of --images there",
+        help="write budget.json, budget.csv, budget.h5 and figures there; with --images, the trial's scene, images and "
+        "maps, too",
     )
 
 
@@ -79,7 +80,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.budget.assess import assess
     from irtscots_cl.report.budget import budget_facts, budget_tables, simulated_table
     from irtscots_cl.scene.error_sources import Budget
-    from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain, write_text
+    from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain
 
     if options.out is not None:
         check_output_folder(options.out, ("budget.json", "budget.csv", "budget.h5"), ("figures",))
@@ -98,7 +99,7 @@ def _execute(options: argparse.Namespace) -> int:
     tables = budget_tables(found)
     if options.images:
         simulated = _simulated(options, found)
-        from irtscots_cl.pipeline.simulated_trial import simulated_facts
+        from irtscots_cl.pipeline.simulated_trial import simulated_facts, write_simulated
 
         facts["simulated"] = simulated_facts(simulated)
         tables.append(simulated_table(facts["simulated"]))
@@ -106,7 +107,7 @@ def _execute(options: argparse.Namespace) -> int:
         with made_folder(options.out):
             _write(found, facts, options.out)
             if options.images:
-                write_text(options.out / f"{simulated.scene.name}.toml", simulated.scene.to_toml())
+                write_simulated(simulated, options.out / f"trial-{options.trial}")
     if options.json:
         print_json(plain(facts))
         return 0

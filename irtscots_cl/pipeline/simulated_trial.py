@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,10 +25,14 @@ from irtscots_cl.imaging.recording import line_scan
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.methods import measure_by
+from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.optics.setup import Setup
+from irtscots_cl.pipeline.output import version_attributes
+from irtscots_cl.report.result_file import write_result
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.screen_response import ScreenResponse
+from irtscots_cl.system.atomic_files import made_folder, write_text
 from irtscots_cl.tracing.trace import trace
 
 RAYS_PER_PIXEL = 2**14
@@ -37,16 +42,19 @@ MEASURE = "paper"  # as the budget measures: trapezoids, and slopes as means ove
 
 @dataclass(frozen=True)
 class SimulatedTrial:
-    """scene: as traced. held: values of the sources in it; left_out: names of the others. used: [n] of the design's
-    pixels off the rim that both tests measured. predicted_mm, simulated_mm: [used] heights by these errors, without
-    piston and tilt, with compensators fitted away. own_nm: rms of the design's map, by the measure and the rays.
-    noise_nm: standard error of simulated_mm by the rays, rms. with_rim_nm: rms of the simulated error where pixels
-    that the mirror's rim cuts are measured, too: what they see moves, as no chief ray tells.
+    """scene: as traced. stack, result: its images, measured with the design's geometry. held: values of the sources
+    in it; left_out: names of the others. used: [n] of the design's pixels off the rim that both tests measured.
+    predicted_mm, simulated_mm: [used] heights by these errors, without piston and tilt, with compensators fitted
+    away. own_nm: rms of the design's map, by the measure and the rays. noise_nm: standard error of simulated_mm by
+    the rays, rms. with_rim_nm: rms of the simulated error where pixels that the mirror's rim cuts are measured,
+    too: what they see moves, as no chief ray tells.
     """
 
     trials: Trials = field(repr=False)
     trial: int
     scene: Scene = field(repr=False)
+    stack: ImageStack = field(repr=False)
+    result: Reconstruction = field(repr=False)
     held: dict[str, float]
     left_out: tuple[str, ...]
     used: BoolArray = field(repr=False)
@@ -84,6 +92,15 @@ def simulated_facts(found: SimulatedTrial) -> dict[str, Any]:
         "design_nm": found.own_nm,
         "with_rim_nm": found.with_rim_nm,
     }
+
+
+def write_simulated(found: SimulatedTrial, folder: Path) -> None:
+    """Write the trial's scene.toml, and the images and maps as result.h5; the folder is made if it is not there."""
+    toml = found.scene.to_toml()
+    attributes = {"scene": toml, "seed": str(found.trials.budget.seed), "measure": MEASURE} | version_attributes()
+    with made_folder(folder):
+        write_text(folder / "scene.toml", toml)
+        write_result(folder / "result.h5", found.stack, found.result, attributes)
 
 
 def trial_scene(trials: Trials, trial: int) -> tuple[Scene, dict[str, float]]:
@@ -139,13 +156,15 @@ def simulate_trial(
     stacks = [_images(Setup(one), nominal, options) for one in (nominal.scene, scene)]
     whole = binary_erosion(nominal.chief_rays.footprint.coverage > 1 - 1e-9, np.ones((3, 3)))
     inner = _on_pixels(trials, whole)
-    own, by_errors, used = _by_errors(inner, nominal, [stack.masked(whole) for stack in stacks])
+    inside = [measure_by(MEASURE, stack.masked(whole), nominal) for stack in stacks]
+    own, by_errors, used = _by_errors(inner, inside)
     predicted = _levelled(inner, inner.heights_mm([(trial, held)])[0], used)
-    _, with_rim, _ = _by_errors(trials, nominal, stacks)
+    with_rim = [measure_by(MEASURE, stack, nominal) for stack in stacks]
+    _, by_errors_with_rim, _ = _by_errors(trials, with_rim)
     left_out = tuple(source.name for source in trials.sources if source.name not in held)
     return SimulatedTrial(
-        inner, trial, scene, held, left_out, used, predicted, by_errors[0], _rms(own) * NM,
-        _rms(jackknife_error(by_errors)) * NM, _rms(with_rim[0]) * NM,
+        inner, trial, scene, stacks[1], with_rim[1], held, left_out, used, predicted, by_errors[0], _rms(own) * NM,
+        _rms(jackknife_error(by_errors)) * NM, _rms(by_errors_with_rim[0]) * NM,
     )  # fmt: skip
 
 
@@ -166,14 +185,11 @@ def _on_pixels(trials: Trials, chosen: BoolArray) -> Trials:
     return trials.on(trials.design.on(replace(seen, mask=mask)))
 
 
-def _by_errors(
-    trials: Trials, nominal: Setup, stacks: Sequence[ImageStack]
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Height [used] of the first images, and how others [1 + replicates, used] differ from it; the pixels used [n]."""
+def _by_errors(trials: Trials, results: Sequence[Reconstruction]) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Height [used] of the first result, and how the other [1 + replicates, used] differs from it; pixels used [n]."""
     row, column = (values.astype(int) for values in trials.design.seen.pixels)
     maps = []
-    for stack in stacks:
-        result = measure_by(MEASURE, stack, nominal)
+    for result in results:
         heights = np.where(result.height_mask, result.estimates("deviation_mm"), np.nan)
         maps.append(heights[:, row, column])
     used = np.isfinite(maps[0]).all(0) & np.isfinite(maps[1]).all(0)

@@ -97,7 +97,12 @@ def test_a_trial_is_simulated(irtscots, tmp_path):
     told = json.loads(out)["simulated"]
     assert code == 0 and told["trial"] == 2 and told["left_out"] == []
     assert told["simulated_nm"] == pytest.approx(told["predicted_nm"], abs=5 * told["rays_nm"])
-    assert load_scene(str(tmp_path / "out" / "few-trial-2.toml")).name == "few-trial-2"
+    folder = tmp_path / "out" / "trial-2"
+    assert load_scene(str(folder / "scene.toml")).name == "few-trial-2"
+    with h5py.File(folder / "result.h5") as file:
+        assert file["images/x"].shape == (21, 31, 31) and np.nanmax(file["images/x"][:]) > 0
+    code, out, _ = irtscots("map", folder / "result.h5", "--json")
+    assert code == 0 and json.loads(out)["rms_nm"] == pytest.approx(told["with_rim_nm"], rel=0.5)
 
 
 @pytest.mark.parametrize(
