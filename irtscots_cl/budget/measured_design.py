@@ -77,7 +77,7 @@ class MeasuredDesign:
     @cached_property
     def zernike_fit(self) -> FloatArray:
         """[terms, n] from heights to NOLLS, fitted together."""
-        found: FloatArray = np.linalg.pinv(self.zernike_basis)
+        found: FloatArray = np.ascontiguousarray(np.linalg.pinv(self.zernike_basis))
         return found
 
     @cached_property

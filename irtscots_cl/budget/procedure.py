@@ -20,6 +20,7 @@ from irtscots_cl.budget.turned_maps import TurnedMaps
 from irtscots_cl.calibration.consequences import OF_SURFACE
 from irtscots_cl.calibration.parameters import known_parameters, zernike_noll
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
+from irtscots_cl.maths.row_products import dots_of_rows, sums_of_rows, without_rows
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.validation import nearest, problem
 
@@ -103,13 +104,12 @@ class Procedure:
             return heights
         maps = self._maps
         pixels = slice(None) if used is None else used
-        flat = np.linalg.qr(self.design.response.basis[pixels, :3])[0]
-        own, there = maps[:, pixels], heights[..., pixels]
-        own, there = own - (own @ flat) @ flat.T, there - (there @ flat) @ flat.T
+        flat = np.ascontiguousarray(np.linalg.qr(self.design.response.basis[pixels, :3])[0].T)
+        own, there = without_rows(maps[:, pixels], flat), without_rows(heights[..., pixels], flat)
         size = np.sqrt(np.mean(own**2, axis=1))
         size[size < NOTHING_MM] = np.inf  # only tilt: nothing to fit
-        inverse = np.linalg.pinv((own / size[:, None]).T, rcond=ALIKE)
-        found: FloatArray = heights - (there @ inverse.T) @ (maps / size[:, None])
+        inverse = np.ascontiguousarray(np.linalg.pinv((own / size[:, None]).T, rcond=ALIKE))
+        found: FloatArray = heights - sums_of_rows(dots_of_rows(there, inverse), maps / size[:, None])
         return found
 
     @property

@@ -16,6 +16,7 @@ from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.procedure import Procedure
 from irtscots_cl.budget.source import Draw, Kind, Source
 from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.row_products import dots_of_rows
 from irtscots_cl.scene.validation import SceneError
 
 DRAWS = 32  # of a process: its rms to 12 %
@@ -165,5 +166,4 @@ def _lit(source: Source, design: MeasuredDesign, value: float, draw: Draw) -> Fl
 
 def zernike_coefficients(design: MeasuredDesign, heights: FloatArray) -> FloatArray:
     """Coefficients [..., terms] of NOLLS, fitted together, of heights [..., n], in their unit."""
-    found: FloatArray = heights @ design.zernike_fit.T
-    return found
+    return dots_of_rows(heights, design.zernike_fit)

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from irtscots_cl.calibration.seen_pixels import SeenPixels
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
+from irtscots_cl.maths.row_products import dots_of_rows, dual_rows, sums_of_rows
 from irtscots_cl.maths.zernike.polynomials import zernike
 
 ORDER = 12
@@ -41,17 +42,17 @@ class TurnedMaps:
         return range(1, (order + 1) * (order + 2) // 2 + 1)
 
     def _basis(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        return np.stack([zernike(noll, x, y) for noll in self._terms], -1)
+        return np.stack([zernike(noll, x, y) for noll in self._terms])
 
     @cached_property
     def _fit(self) -> tuple[FloatArray, FloatArray]:
-        """Values [n, terms] at the pixels, and their inverse."""
+        """Values [terms, n] at the pixels, and what makes coefficients of heights, [terms, n]."""
         basis = self._basis(*self._points)
-        return basis, np.linalg.pinv(basis)
+        return basis, dual_rows(basis)
 
     @cached_property
     def _copies(self) -> list[tuple[FloatArray, IntArray, BoolArray]]:
-        """Of each turn: the terms [n, terms] there, the nearest pixels [n], and whether there is one."""
+        """Of each turn: the terms [terms, n] there, the nearest pixels [n], and whether there is one."""
         x, y = self._points
         tree, found = cKDTree(np.stack([x, y], -1)), []
         own, _ = tree.query(np.stack([x, y], -1), k=2)
@@ -69,9 +70,9 @@ class TurnedMaps:
         total, count = np.zeros(heights.shape[1:]), np.zeros(heights.shape[-1])
         parts = [heights[0]] * self.turns if len(heights) == 1 else list(heights)
         for map_, (terms, nearest, has) in zip(parts, self._copies, strict=True):
-            coefficients = map_ @ inverse.T
-            rest = map_ - coefficients @ basis.T
-            total += np.where(has, coefficients @ terms.T + rest[..., nearest], 0.0)
+            coefficients = dots_of_rows(map_, inverse)
+            rest = map_ - sums_of_rows(coefficients, basis)
+            total += np.where(has, sums_of_rows(coefficients, terms) + rest[..., nearest], 0.0)
             count += has
         found: FloatArray = total / count  # the first one is everywhere
         return found

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from irtscots_cl.calibration.ray_changes import ray_changes
 from irtscots_cl.calibration.seen_pixels import SeenPixels, seen_pixels
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.integration import integrate_slopes
+from irtscots_cl.maths.row_products import without_rows
 from irtscots_cl.optics.setup import Setup
 
 LEFT_AFTER = ("piston_tilt", "piston_tilt_power", "piston_tilt_power_astigmatism", "piston_tilt_power_astigmatism_coma")
@@ -70,6 +72,10 @@ class HeightResponse:
         maps = integrate_slopes(seen.x_mm, seen.y_mm, slope_x, slope_y, seen.mask, self.method)
         return maps[:, seen.mask]
 
+    @cached_property
+    def _rows(self) -> FloatArray:
+        return np.ascontiguousarray(self.basis.T)
+
     def left(self, heights: FloatArray) -> FloatArray:
         """Rms [maps, 4] of heights [maps, n] with the terms of LEFT_AFTER removed by least squares, in their unit."""
         found = np.empty((len(heights), len(LEFT_AFTER)))
@@ -77,16 +83,14 @@ class HeightResponse:
             part = slice(first, first + AT_ONCE)
             rest = self.without(heights[part], LEFT_AFTER[0])
             for level, stop in enumerate(_TERMS):
-                columns = self.basis[:, _TERMS[level - 1] : stop] if level else self.basis[:, :stop]
-                rest -= (rest @ columns) @ columns.T  # of the first level once more: large tilts leave rounding
+                rest = without_rows(rest, self._rows[_TERMS[level - 1] if level else 0 : stop])
+                # the terms of the first level went twice: large tilts leave rounding
                 found[part, level] = np.sqrt(np.einsum("mn,mn->m", rest, rest) / rest.shape[1])
         return found
 
     def without(self, heights: FloatArray, terms: str) -> FloatArray:
         """Heights [..., n] without the terms that one of LEFT_AFTER names."""
-        basis = self.basis[:, : _TERMS[LEFT_AFTER.index(terms)]]
-        rest: FloatArray = heights - (heights @ basis) @ basis.T
-        return rest
+        return without_rows(heights, self._rows[: _TERMS[LEFT_AFTER.index(terms)]])
 
 
 def low_order_basis(seen: SeenPixels) -> FloatArray:

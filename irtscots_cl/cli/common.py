@@ -129,7 +129,8 @@ def add_trace_choices(parser: argparse.ArgumentParser, device_help: str = DEVICE
 @contextmanager
 def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
     """The argument device= or client= of `trace`, from --device and --dask."""
-    from irtscots_cl.execution.dask.cluster import DaskExecutor, connect
+    from irtscots_cl.execution.dask.cluster import DaskExecutor
+    from irtscots_cl.execution.dask.workers import connect
     from irtscots_cl.opencl.device import select_devices
 
     if options.dask is None:

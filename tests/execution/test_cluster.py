@@ -21,11 +21,13 @@ from scenes import coarse  # noqa: E402
 
 from irtscots_cl.cli import main  # noqa: E402
 from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted  # noqa: E402
-from irtscots_cl.execution.dask import cluster, tasks  # noqa: E402
 from irtscots_cl.execution.dask import run as dask_run  # noqa: E402
-from irtscots_cl.execution.dask.cluster import DaskExecutor, connect  # noqa: E402
+from irtscots_cl.execution.dask import same_code, workers  # noqa: E402
+from irtscots_cl.execution.dask.cluster import DaskExecutor  # noqa: E402
 from irtscots_cl.execution.dask.run import MIN_TASK_SECONDS, TASK_SECONDS, ClusterRun  # noqa: E402
-from irtscots_cl.execution.dask.tasks import CodeError, WorkerError, add_up, trace_block  # noqa: E402
+from irtscots_cl.execution.dask.same_code import CodeError  # noqa: E402
+from irtscots_cl.execution.dask.tasks import WorkerError, add_up, trace_block  # noqa: E402
+from irtscots_cl.execution.dask.workers import connect  # noqa: E402
 from irtscots_cl.execution.executor import RunControl  # noqa: E402
 from irtscots_cl.opencl.device import DeviceError  # noqa: E402
 from irtscots_cl.optics.setup import Setup  # noqa: E402
@@ -66,7 +68,7 @@ def fresh():
 @pytest.fixture
 def impatient(monkeypatch):
     for name, seconds in (("WAIT_SECONDS", 0.5), ("POLL_SECONDS", 0.1), ("CONNECT_SECONDS", 0.5)):
-        for module in {cluster, dask_run}:
+        for module in (workers, dask_run):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, seconds)
 
@@ -100,7 +102,7 @@ def break_device(after):
 
 
 def run_other_code():
-    tasks.code_hash = lambda: "other"
+    same_code.code_hash = lambda: "other"
 
 
 def have_no_device():

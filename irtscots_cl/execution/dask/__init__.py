@@ -1,1 +1,1 @@
-"""Traces on the workers of a Dask cluster."""
+"""Traces, and other tasks, on the workers of a Dask cluster."""

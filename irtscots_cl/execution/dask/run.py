@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from queue import Empty, SimpleQueue
 from statistics import median
@@ -12,15 +11,9 @@ import numpy as np
 
 if TYPE_CHECKING:
     from irtscots_cl.execution.dask.cluster import DaskExecutor
-from irtscots_cl.execution.dask.tasks import (
-    WorkerError,
-    add_up,
-    code_hash,
-    fingerprint_of,
-    merged,
-    speed_of,
-    trace_block,
-)
+from irtscots_cl.execution.dask.same_code import code_hash
+from irtscots_cl.execution.dask.tasks import WorkerError, add_up, fingerprint_of, merged, speed_of, trace_block
+from irtscots_cl.execution.dask.workers import POLL_SECONDS, TASKS_PER_THREAD, WorkerWatch
 from irtscots_cl.execution.executor import RunControl
 from irtscots_cl.execution.launch_plan import Cursor, RayBlock, plan_launches
 from irtscots_cl.execution.task import TraceTask
@@ -32,11 +25,8 @@ MIN_TASK_SECONDS = 0.25  # near the end, when the remaining rays are divided amo
 SUM_BYTES_PER_SECOND = 1e7  # of a worker's sums: larger ones make longer tasks, so that the network keeps up
 SCHEDULER_SECONDS = 0.01  # of a task, for scheduler and client to keep up with: with many workers tasks get longer
 FAN_IN = 8  # sums that a worker adds up at a time
-TASKS_PER_THREAD = 2  # in flight, so that a worker need not wait for the next one
 TIMED_TASKS = 32  # whose speed is asked for
 MAX_RETRIES = 16  # of a sum that has to be traced again
-WAIT_SECONDS = 60.0  # for a worker, where there is none
-POLL_SECONDS = 1.0  # between looks at which workers there are
 
 
 def task_seconds(task: TraceTask, threads: int) -> tuple[float, float]:
@@ -74,7 +64,7 @@ class ClusterRun:
         # key -> future, what then, with what
         self._out: dict[str, tuple[Any, Callable[..., None], tuple[Any, ...]]] = {}
         self._done: SimpleQueue[str] = SimpleQueue()
-        self._polled, self._seen, self._parts_out = 0.0, time.monotonic(), 0
+        self._watch, self._parts_out = WorkerWatch(cluster), 0
         self._threads: dict[str, int] = {}
         self._only: dict[str, set[str] | None] = {}  # key of a part's task -> the workers that may run it
         self._complete: set[int] = set()
@@ -113,9 +103,7 @@ class ClusterRun:
 
     def cancel(self) -> None:
         """Cancel all tasks that have not run."""
-        futures = [future for future, _, _ in self._out.values()]
-        if futures and self._cluster.client.status == "running":
-            self._cluster.client.cancel(futures)
+        self._cluster.cancel(future for future, _, _ in self._out.values())
 
     # parts of the rays
 
@@ -150,10 +138,10 @@ class ClusterRun:
                 trace_block, self._code, self._kind, self._task_json, replicate, block, only=only
             )
             self._parts_out += 1
-            self._watch(future, self._traced, replicate, block)
+            self._await(future, self._traced, replicate, block)
             self._only[future.key] = only
 
-    def _watch(self, future: Any, then: Callable[..., None], *arguments: Any) -> None:
+    def _await(self, future: Any, then: Callable[..., None], *arguments: Any) -> None:
         self._out[future.key] = future, then, arguments
         future.add_done_callback(lambda done: self._done.put(done.key))
 
@@ -164,7 +152,7 @@ class ClusterRun:
             self._again.append((replicate, block))
             return
         if len(self._speeds) < TIMED_TASKS and self._control.launch_rays is None:
-            self._watch(self._cluster.client.submit(speed_of, future, pure=False, priority=2), self._timed)
+            self._await(self._cluster.client.submit(speed_of, future, pure=False, priority=2), self._timed)
         self._left[replicate] -= block.total
         if self._control.progress is not None:
             self._control.progress(self._total - sum(self._left), self._total)
@@ -173,7 +161,7 @@ class ClusterRun:
             rest = [of_level for level in self._levels[replicate] for of_level in level]
             self._levels[replicate] = []
             total = self._cluster.client.submit(add_up, *rest, pure=False, priority=1) if len(rest) > 1 else rest[0]
-            self._watch(total, self._totalled, replicate)
+            self._await(total, self._totalled, replicate)
 
     def _add(self, replicate: int, level: int, future: Any) -> None:
         """A partial sum more; full levels are added up at once, before further parts are traced."""
@@ -195,9 +183,9 @@ class ClusterRun:
             if self._retries > MAX_RETRIES:
                 raise DeviceError(f"--dask: {future.exception().line}, {MAX_RETRIES} times after workers were lost")
             self._cluster.client.retry([future])
-            self._watch(future, self._totalled, replicate)
+            self._await(future, self._totalled, replicate)
             return
-        found = interruption.wait_for(lambda: self._cluster.client.gather(future, direct=True))
+        found = self._cluster.fetch(future)
         for all_of, array in zip(self.sums, found["sums"], strict=True):
             all_of[replicate] += array
         self.ran = merged(self.ran, found["ran"])
@@ -213,26 +201,20 @@ class ClusterRun:
 
     def _is_well(self, future: Any) -> bool:
         """Whether a future has a result; False if its worker failed and is left out. Raises any other failure."""
-        if future.status == "finished":
+        error = self._cluster.failure(future)
+        if error is None:
             return True
-        if future.status != "error":
-            raise self._cluster.lost()
-        error = future.exception()
-        if isinstance(error, WorkerError):
-            self._cluster.leave_out(error)
-            self._polled = 0.0
-            return False
-        if type(error).__name__ == "KilledWorker":
-            reason = str(error).splitlines()[0]
-            raise DeviceError(f"--dask: workers died one after the other at the same task: {reason}")
-        raise error
+        if not isinstance(error, WorkerError):
+            raise error
+        self._cluster.leave_out(error)
+        self._watch.ask_again()
+        return False
 
     def _look_at_workers(self) -> None:
-        """Every POLL_SECONDS: which workers are there; DeviceError where none was for WAIT_SECONDS."""
-        now = time.monotonic()
-        if now - self._polled < POLL_SECONDS:
+        """Which workers are there; DeviceError where none was for long."""
+        if not self._watch.look():
             return
-        self._threads, self._polled = self._cluster.usable(), now
+        self._threads = self._watch.threads
         for key, only in list(self._only.items()):
             if only is not None and only.isdisjoint(self._threads):  # would wait for workers that are gone
                 future, _, entry = self._out.pop(key)
@@ -240,7 +222,3 @@ class ClusterRun:
                 del self._only[key]
                 self._parts_out -= 1
                 self._again.append(entry)
-        if self._threads:
-            self._seen = now
-        elif now - self._seen > WAIT_SECONDS:
-            raise DeviceError(f"--dask: no worker for {WAIT_SECONDS:g} s")

@@ -6,24 +6,21 @@ is whole numbers, so tasks may run anywhere, again and in any order.
 
 from __future__ import annotations
 
-import hashlib
 import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from functools import lru_cache, partial
-from importlib.resources import files
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 from irtscots_cl.execution.checkpoint_file import Fingerprint
+from irtscots_cl.execution.dask.same_code import check_code, greet
 from irtscots_cl.execution.device_pool import open_pool
 from irtscots_cl.execution.device_tracer import DeviceTracer
 from irtscots_cl.execution.launch_plan import RayBlock, cut_block
 from irtscots_cl.execution.local import LocalExecutor
 from irtscots_cl.execution.task import Tracer, TraceTask
 from irtscots_cl.opencl.device import Device, DeviceError, describe_together, select_devices
-from irtscots_cl.opencl.program import kernels_folder
 
 
 class WorkerError(RuntimeError):
@@ -34,28 +31,14 @@ class WorkerError(RuntimeError):
         self.worker, self.line = worker, line
 
 
-class CodeError(ValueError):
-    """A worker runs another version of this package; the message is one line."""
-
-
-@lru_cache
-def code_hash() -> str:
-    """Of the package's Python and kernel files: all that a trace's bits depend on except device and libraries."""
-    package, digest = Path(str(files("irtscots_cl"))), hashlib.sha256()
-    for folder, pattern in ((package, "*.py"), (kernels_folder(), "*.cl")):
-        for path in sorted(folder.rglob(pattern)):
-            digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()[:16]
-
-
-def greet() -> dict[str, Any]:
+def greet_with_devices() -> dict[str, Any]:
     """A worker's facts: its code; why it cannot be used, "" if it can; its devices' identity and description."""
     try:
         devices = select_devices()
     except DeviceError as error:
-        return {"code": code_hash(), "unusable": str(error)}
+        return greet() | {"unusable": str(error)}
     facts = describe_together([device.describe() for device in devices])
-    return {"code": code_hash(), "unusable": "", "about": LocalExecutor(devices).device_identity(), "device": facts}
+    return greet() | {"unusable": "", "about": LocalExecutor(devices).device_identity(), "device": facts}
 
 
 def fingerprint_of(device: Device, kind: type[TraceTask], task_json: str) -> Fingerprint:
@@ -68,7 +51,7 @@ def trace_block(code: str, kind: type[TraceTask], task_json: str, replicate: int
 
     code: the caller's code_hash(). kind, wire: the work. Raises WorkerError, CodeError.
     """
-    address = _check_code(code)
+    address = check_code(code)
     try:
         with _guard:  # one at a time, also where a worker has many threads: they would share a device's buffers
             tracer, describe = _tracer(kind, task_json)
@@ -103,22 +86,12 @@ def speed_of(found: dict[str, Any]) -> float:
 
 def call_on_device(code: str, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
     """The task that is Site.call."""
-    address = _check_code(code)
+    address = check_code(code)
     try:
         with _guard:
             return function(select_devices()[0], *arguments)
     except DeviceError as error:
         raise WorkerError(address, str(error)) from None
-
-
-def _check_code(code: str) -> str:
-    """The worker's address."""
-    from distributed import get_worker
-
-    address = get_worker().address
-    if code != code_hash():
-        raise CodeError(code_differs(address))
-    return address
 
 
 _guard = threading.Lock()
@@ -152,7 +125,3 @@ def merged(*several: dict[str, Any]) -> dict[str, Any]:
             counted = {key: so_far.get(key, 0) + more[key] for key in ("rays", "tasks", "seconds", "kernels")}
             merged[address] = counted | {"device": more["device"]}
     return merged
-
-
-def code_differs(address: str) -> str:
-    return f"--dask: worker {address} runs other code than this irtscots-cl: must be the same version on both sides"
