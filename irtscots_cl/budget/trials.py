@@ -46,7 +46,7 @@ class Trials:
         """
         scene = design.setup.scene
         budget, joint = with_calibrated(budget, scene)
-        sources = tuple(source_of(name, scene) for name in sorted(budget.sources))
+        sources = tuple(source_of(name, scene, design.stray) for name in sorted(budget.sources))
         for source in sources:
             given = budget.sources[source.name]
             if source.is_process and given.kind != "normal":
