@@ -268,6 +268,7 @@ MEANINGS = (
         "exposures": "measurements of one kind whose mean is taken",
         "mirror_turns": "equal turns of the mirror about its axis, over a full circle, whose mean is taken",
         "calibrated": "has the covariance of further sources of the geometry",
+        "stray_light": "has what the light of the sources `stray.ghosts` and `stray.scatter` does to each pixel",
         "air": "turbulent air, of the source `air.turbulence_nm`; without it, that of the defaults",
     }),
     ("[budget.air]", Air, "Turbulent air on the rays' way, of von Karman's spectrum.", {

@@ -19,15 +19,20 @@ class StrayLight:
     """Light of one kind of path: its share of the direct light, and the height error that it adds.
 
     height_nm: rms over the pixels that are usable both with and without this light, without piston and tilt; its
-    standard error comes from the jackknife. lost_pixels: pixels whose light curves become unusable because of it.
-    height_mm: the map [rows, columns], NaN for other pixels.
+    standard error comes from the jackknife. height_mm: the map [rows, columns], NaN for other pixels; height_error_mm:
+    its standard error. lost: [rows, columns] pixels whose light curves become unusable because of it.
     """
 
     kind: str
     of_direct: float
     height_nm: Estimate
-    lost_pixels: int
     height_mm: np.ndarray = field(repr=False)
+    height_error_mm: np.ndarray = field(repr=False)
+    lost: np.ndarray = field(repr=False)
+
+    @property
+    def lost_pixels(self) -> int:
+        return int(np.sum(self.lost))
 
 
 def stray_light(light: PathLight, measure: str = "paper") -> tuple[StrayLight, ...]:
@@ -47,6 +52,6 @@ def stray_light(light: PathLight, measure: str = "paper") -> tuple[StrayLight, .
             added = [remove_terms(alone.x_mm, alone.y_mm, height, mask, "piston_tilt") for height in added]
             values = np.array([1e6 * rms(height, mask) for height in added])
             height = Estimate(values[0], float(jackknife_error(values)))
-            lost = int(np.sum(alone.mask & ~both.mask))
-            found.append(StrayLight(kind, flux[kind] / flux["direct"], height, lost, added[0]))
+            error, lost = jackknife_error(np.stack(added)), alone.mask & ~both.mask
+            found.append(StrayLight(kind, flux[kind] / flux["direct"], height, added[0], error, lost))
     return tuple(found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from irtscots_cl.budget.ledger import Ledger, ledger
 from irtscots_cl.budget.linear import LinearBudget, linear_budget
@@ -17,6 +18,9 @@ from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.model import Scene
 
+if TYPE_CHECKING:
+    from irtscots_cl.budget.stray_paths import RayNoise
+
 MOST_MAPS = 1024  # of draws of all processes: time and memory do not grow with their number
 
 
@@ -24,7 +28,8 @@ MOST_MAPS = 1024  # of draws of all processes: time and memory do not grow with 
 class ErrorBudget:
     """sensitivities: of all sources that there are, and those of the budget. linear, monte_carlo, ledger: of the
     budget's sources; None without any. trial: whose ledger it is; None, too, for one that cannot be measured, with the
-    reason in no_ledger. tolerances: None where nothing is said to be allowed.
+    reason in no_ledger. tolerances: None where nothing is said to be allowed. ray_noise: of the sources of a file of
+    stray light, the budget's or, without any, all that there are.
     """
 
     trials: Trials
@@ -35,6 +40,7 @@ class ErrorBudget:
     ledger: Ledger | None = field(repr=False)
     tolerances: Tolerances | None = field(repr=False)
     no_ledger: str = ""
+    ray_noise: tuple[RayNoise, ...] = ()
 
 
 def assess(
@@ -52,12 +58,14 @@ def assess(
         raise ValueError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
     design = MeasuredDesign.of_budget(setup, budget)
     trials = Trials.of(design, budget)
-    others = [source for name, source in known_sources(setup.scene).items() if name not in trials.budget.sources]
+    known = known_sources(setup.scene, design.stray)
+    others = [source for name, source in known.items() if name not in trials.budget.sources]
     found = {one.source.name: one for one in sensitivities(design, others, procedure=trials.procedure)}
     found |= own_sensitivities(trials)
     budget = trials.budget
+    noise = _ray_noise(trials)
     if not budget.sources:
-        return ErrorBudget(trials, found, None, None, trial, None, None)
+        return ErrorBudget(trials, found, None, None, trial, None, None, ray_noise=noise)
     own = {name: found[name] for name in budget.sources}
     allowed = None
     if budget.allow_nm is not None:
@@ -67,7 +75,20 @@ def assess(
         rows, why = ledger(trials, trial), ""
     except NotMeasuredError as error:
         rows, why = None, str(error)
-    return ErrorBudget(trials, found, linear, spread, trial, rows, allowed, why)
+    return ErrorBudget(trials, found, linear, spread, trial, rows, allowed, why, noise)
+
+
+def _ray_noise(trials: Trials) -> tuple[RayNoise, ...]:
+    if not trials.design.stray:
+        return ()
+    from irtscots_cl.budget.stray_paths import known_stray, ray_noise  # imported late: few budgets have such a file
+
+    given = trials.budget.sources
+    return tuple(
+        ray_noise(trials.procedure, source, given[name].size if name in given else source.usual)
+        for name, source in known_stray(trials.design.stray).items()
+        if name in given or not given
+    )
 
 
 def own_sensitivities(trials: Trials) -> dict[str, Sensitivity]:

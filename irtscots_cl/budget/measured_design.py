@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from irtscots_cl.measurement.reconstruction import surface_of
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Air, Budget
 
+if TYPE_CHECKING:
+    from irtscots_cl.imaging.stray_files import StrayMaps
+
 METHOD = "southwell"
 NOLLS = tuple(range(1, 16))  # Zernike terms that are stated: to radial order 4
 
@@ -32,13 +36,15 @@ class MeasuredDesign:
     """A design with the n pixels on which it is judged. seen: their grid [rows, columns].
 
     fringes: numbers of periods over the screen and steps; None for scans of single lines. air: on the rays' way.
-    derivatives: of the places by single numbers, as they are asked for.
+    stray: maps of ghosts and scattered light by kind; None without a file. derivatives: of the places by single
+    numbers, as they are asked for.
     """
 
     setup: Setup
     seen: SeenPixels = field(repr=False)
     fringes: tuple[tuple[float, ...], int] | None = None
     air: Air = field(default_factory=Air)
+    stray: dict[str, StrayMaps] | None = field(default=None, repr=False, compare=False)
     derivatives: dict[str, FloatArray] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
@@ -51,8 +57,16 @@ class MeasuredDesign:
 
     @classmethod
     def of_budget(cls, setup: Setup, budget: Budget) -> MeasuredDesign:
-        """Of a set-up's design, with the frames and the air of a budget. Raises the errors of seen_pixels."""
-        return cls.of(setup, budget.fringes, budget.air)
+        """Of a set-up's design, with the frames, the air and the stray light of a budget.
+
+        Raises SceneError for a file of stray light that is none of this design, and the errors of seen_pixels.
+        """
+        design = cls.of(setup, budget.fringes, budget.air)
+        if budget.stray_light is None:
+            return design
+        from irtscots_cl.budget.stray_paths import with_stray  # imported late: few budgets have such a file
+
+        return with_stray(design, budget)
 
     def on(self, seen: SeenPixels) -> MeasuredDesign:
         """The same on other pixels."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
 from irtscots_cl.budget.air_gradient import AXES, TemperatureGradient
 from irtscots_cl.budget.brightness import TERMS, Brightness
 from irtscots_cl.budget.detector import Quantisation, ReadNoise, SceneNoise, has_noise
@@ -17,6 +20,9 @@ from irtscots_cl.budget.turbulence import Turbulence
 from irtscots_cl.calibration.parameters import known_parameters
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import nearest, problem
+
+if TYPE_CHECKING:
+    from irtscots_cl.imaging.stray_files import StrayMaps
 
 _FIXED: dict[str, Source] = {
     source.name: source
@@ -38,22 +44,38 @@ _FIXED: dict[str, Source] = {
     )
 }
 
+STRAY = ("stray.ghosts", "stray.scatter")  # of a file: budget/stray_paths.py
 FORM = ("mirror.radius_relative", "mirror.conic")  # which a flat mirror has not
 
 
-def known_sources(scene: Scene) -> dict[str, Source]:
+def known_sources(scene: Scene, stray: Mapping[str, StrayMaps] | None = None) -> dict[str, Source]:
     """Sources of a scene by name, without the mirror's Zernike terms (zernike.4_um and so on) and without motion, which
-    each number of the geometry can have (vibration.camera.x_mm, drift.camera.x_mm)."""
+    each number of the geometry can have (vibration.camera.x_mm, drift.camera.x_mm).
+
+    stray: maps of the budget's file of stray light, by kind; None without one.
+    """
     of_scene = (SceneNoise(),) if has_noise(scene.camera.detector.noise) else ()
     flat = FORM if scene.mirror.is_flat else ()
     of_geometry = {name: geometry(name, scene) for name in known_parameters(scene) if name not in flat}
-    return of_geometry | _FIXED | {source.name: source for source in of_scene}
+    known = of_geometry | _FIXED | {source.name: source for source in of_scene}
+    if stray:
+        from irtscots_cl.budget.stray_paths import known_stray  # imported late: few budgets have such a file
+
+        known |= known_stray(stray)
+    return known
 
 
-def source_of(name: str, scene: Scene) -> Source:
-    """The source of a name. Raises SceneError for an unknown one."""
+def source_of(name: str, scene: Scene, stray: Mapping[str, StrayMaps] | None = None) -> Source:
+    """The source of a name. stray: as of known_sources.
+
+    Raises SceneError for an unknown one, or one of stray light that no file has.
+    """
     if name in _FIXED:
         return _FIXED[name]
+    if name in STRAY:
+        from irtscots_cl.budget.stray_paths import stray_source
+
+        return stray_source(name, scene, stray)
     if name == SceneNoise.name and has_noise(scene.camera.detector.noise):
         return SceneNoise()
     moving = next((prefix for prefix in (VIBRATION, DRIFT) if name.startswith(prefix)), "")
@@ -65,7 +87,8 @@ def source_of(name: str, scene: Scene) -> Source:
             pass
         else:
             return {VIBRATION: Vibration, DRIFT: Drift}[moving](found) if moving else found
-    known = [*known_sources(scene), *(prefix + of for prefix in (VIBRATION, DRIFT) for of in known_parameters(scene))]
+    motion = (prefix + of for prefix in (VIBRATION, DRIFT) for of in known_parameters(scene))
+    known = [*known_sources(scene), *STRAY, *motion]
     raise problem(scene.name, ("budget", "sources", name), f"unknown source; {nearest(name, known)}")
 
 

@@ -78,7 +78,7 @@ def _execute(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from irtscots_cl.budget.assess import assess
-    from irtscots_cl.report.budget import budget_facts, budget_tables, simulated_table
+    from irtscots_cl.report.budget import budget_facts, budget_tables, budget_warnings, simulated_table
     from irtscots_cl.scene.error_sources import Budget
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain
 
@@ -95,6 +95,8 @@ def _execute(options: argparse.Namespace) -> int:
         budget = replace(budget, allow_nm=options.allow_nm)
     with Progress("trials", options.quiet, "trials") as progress:
         found = assess(scene, budget, options.trial, lambda count: progress(count, budget.trials))
+    for text in budget_warnings(found):
+        warn(text)
     facts = budget_facts(found)
     tables = budget_tables(found)
     if options.images:

@@ -19,6 +19,7 @@ from irtscots_cl.scene.error_sources import Distribution
 
 HEAD = ("piston, tilt", "+ power", "+ astigmatism", "+ coma")
 SHARES = (0.5, 0.68, 0.95, 0.99)
+NOISY = 0.05  # of a source's own nm, that rays of its file may add without a warning
 
 
 def budget_facts(found: ErrorBudget) -> dict[str, Any]:
@@ -43,6 +44,11 @@ def budget_facts(found: ErrorBudget) -> dict[str, Any]:
             for name, one in found.sensitivities.items()
         ],
     }  # fmt: skip
+    if found.ray_noise:
+        facts["stray_light"] = [
+            {"name": one.name, "rays_nm": by_terms(one.nm), "pixels_without_value": one.without_value}
+            for one in found.ray_noise
+        ]
     if found.linear is None or found.monte_carlo is None:
         return facts
     linear, spread = found.linear, found.monte_carlo
@@ -86,9 +92,41 @@ def _ledger_facts(found: ErrorBudget) -> dict[str, Any]:
 def budget_tables(found: ErrorBudget) -> list[Table]:
     """The tables of the terminal: what each source costs, largest first."""
     if found.linear is None or found.monte_carlo is None:
-        return [_sensitivity_table(found)]
+        return [_sensitivity_table(found), *_stray_tables(found)]
     allowed = [] if found.tolerances is None else _tolerance_tables(found, found.tolerances)
-    return [_source_table(found), _total_table(found), *allowed, _ledger_table(found)]
+    return [_source_table(found), *_stray_tables(found), _total_table(found), *allowed, _ledger_table(found)]
+
+
+def budget_warnings(found: ErrorBudget) -> list[str]:
+    """What must be known of the file of stray light, a line each."""
+    said = []
+    for one in found.ray_noise:
+        own = float(found.sensitivities[one.name].left_nm[0]) * _size_of(found, one.name)
+        if not one.nm[0] <= NOISY * own:
+            noise = f"{one.nm[0]:.2g} nm" if np.isfinite(one.nm[0]) else "an unknown part (one replicate)"
+            said.append(f"{one.name}: {noise} of its {own:.3g} nm are noise of the rays of its file: trace more rays")
+        if one.without_value:
+            count = found.trials.design.count
+            said.append(
+                f"{one.name}: {one.without_value} of {count} pixels have no value in its file; they get that of the "
+                "nearest pixel that has one"
+            )
+    return said
+
+
+def _size_of(found: ErrorBudget, name: str) -> float:
+    """The size that a budget gives to a source, or the usual one."""
+    given = found.trials.budget.sources
+    return given[name].sigma if name in given else found.sensitivities[name].source.usual
+
+
+def _stray_tables(found: ErrorBudget) -> list[Table]:
+    """How sure what the file of stray light says is."""
+    if not found.ray_noise:
+        return []
+    rows = [(one.name, *(f"{nm:.2g}" for nm in one.nm), str(one.without_value)) for one in found.ray_noise]
+    title = _said("Stray light: rms height error in nm by the noise of the rays of its file, with terms removed", found)
+    return [Table(title, ("source", *HEAD, "pixels without value"), rows)]
 
 
 def _sensitivity_table(found: ErrorBudget) -> Table:

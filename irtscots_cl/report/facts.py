@@ -98,8 +98,8 @@ def _predicted_facts(predicted: PredictedError) -> Predicted:
     }
 
 
-def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> PathReport:
-    """The results of a non-sequential trace that `irtscots paths` prints."""
+def path_facts(light: PathLight, stray: tuple[StrayLight, ...], measure: str = "paper") -> PathReport:
+    """The results of a non-sequential trace that `irtscots paths` prints. measure: of the heights, in `stray`."""
     direct = sum(path.flux_w for path in light.paths if path.kind == "direct")
     return {
         "scene": light.scene.name,
@@ -108,6 +108,7 @@ def path_facts(light: PathLight, stray: tuple[StrayLight, ...]) -> PathReport:
         "precision": light.options.precision,
         "seed": light.options.seed,
         "replicates": light.replicates,
+        "measure": measure,
         "rays_total": light.rays_total,
         "seconds": cast("TraceSeconds", light.seconds),
         "rays_per_second": light.rays_total / light.seconds["trace"],

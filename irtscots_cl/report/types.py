@@ -291,7 +291,7 @@ class PathRow(TypedDict):
 
 class PathReport(TypedDict):
     """What `irtscots paths` tells of a non-sequential trace. ends: rays by where they ended. bounce_limit: events after
-    which rays were given up."""
+    which rays were given up. measure: how images became heights."""
 
     scene: str
     device: DeviceFacts
@@ -299,6 +299,7 @@ class PathReport(TypedDict):
     precision: str
     seed: int
     replicates: int
+    measure: str
     rays_total: int
     seconds: TraceSeconds
     rays_per_second: float

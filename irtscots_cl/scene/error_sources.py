@@ -92,7 +92,8 @@ class Budget:
     """sources: name -> Distribution. periods, steps: of the fringes; without periods, single lines are scanned.
     allow_nm: what the test may cost. air: of the source air.turbulence_nm; None for that of Air(). compensators:
     numbers of the geometry that are fitted away. exposures, mirror_turns: measurements whose mean is taken.
-    calibrated: a report with the covariance of further sources.
+    calibrated: a report with the covariance of further sources. stray_light: a file with maps of the light of the
+    sources stray.ghosts and stray.scatter.
 
     Raises SceneError for a value that is not allowed.
     """
@@ -117,6 +118,10 @@ class Budget:
         Annotated[str, Strict(), Field(min_length=1, max_length=4096)] | None,
         Field(description="the path of a report.json of `irtscots calibrate`"),
     ] = None
+    stray_light: Annotated[
+        Annotated[str, Strict(), Field(min_length=1, max_length=4096)] | None,
+        Field(description="the path of a stray-light.h5 of `irtscots paths`"),
+    ] = None
 
     @model_validator(mode="after")
     def _check(self) -> Budget:
@@ -127,7 +132,7 @@ class Budget:
 
     def __hash__(self) -> int:  # a dict has none
         given = (self.periods, self.steps, self.trials, self.seed, self.allow_nm, self.air)
-        done = (self.compensators, self.exposures, self.mirror_turns, self.calibrated)
+        done = (self.compensators, self.exposures, self.mirror_turns, self.calibrated, self.stray_light)
         return hash((frozenset(self.sources.items()), given, done))
 
     @property

@@ -29,7 +29,8 @@ LISTS: dict[tuple[str, ...], tuple[str, str]] = {  # the same for arrays of tabl
     ("mirror", "polynomial"): ("polynomial", "Polynomial"),
     ("mirror", "map"): ("height_map", "MirrorMap"),
 }
-FILES = ("quantum_efficiency_map", "brightness_map", "file", "calibrated")  # keys whose value is a path
+FILES = ("quantum_efficiency_map", "brightness_map", "file", "calibrated", "stray_light")  # keys whose value is a path
+READ_LATER = ("file", "calibrated", "stray_light")  # perhaps elsewhere: by a worker, or when a run is resumed
 _adapter = functools.cache(TypeAdapter)
 
 
@@ -110,7 +111,6 @@ def _checked(kind: Any, table: object, source: str, steps: tuple[Any, ...]) -> A
     for key in FILES:
         if getattr(found, key, None) is not None:  # frozen: made anew, with the path as seen from where we are
             path = os.path.join(os.path.dirname(source), getattr(found, key))
-            # a map is read when it is needed, perhaps elsewhere: by a worker, or when a run is resumed
-            table = {**table, key: os.path.abspath(path) if key in ("file", "calibrated") else path}
+            table = {**table, key: os.path.abspath(path) if key in READ_LATER else path}
             found = _adapter(kind).validate_python(table)
     return found

@@ -88,7 +88,7 @@ def test_path_report():
     light = PathLight(small_scene(), TraceOptions("nonsequential"), DEVICE, paths, losses, 9.6,
                       np.zeros((3, 3, 2, 1)), np.full(3, 100), {"launched": 900}, ledger,
                       {"build": 0.5, "trace": 0.25, "kernels": 0.2})  # fmt: skip
-    stray = (StrayLight("ghost", 0.1, Estimate(1.0, 0.1), 3, np.zeros((1, 1))),)
+    stray = (StrayLight("ghost", 0.1, Estimate(1.0, 0.1), *np.zeros((2, 1, 1)), np.ones((1, 1), bool)),)
     facts = path_facts(light, stray)
     check(facts, PathReport)
     assert facts["staying"] and facts["stray_light"] and facts["paths"]
