@@ -58,7 +58,7 @@ def assess(
         raise ValueError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
     design = MeasuredDesign.of_budget(setup, budget)
     trials = Trials.of(design, budget)
-    known = known_sources(setup.scene, design.stray)
+    known = known_sources(setup.scene, design.stray, design.maps)
     others = [source for name, source in known.items() if name not in trials.budget.sources]
     found = {one.source.name: one for one in sensitivities(design, others, procedure=trials.procedure)}
     found |= own_sensitivities(trials)

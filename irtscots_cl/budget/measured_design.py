@@ -26,6 +26,7 @@ from irtscots_cl.scene.error_sources import Air, Budget
 
 if TYPE_CHECKING:
     from irtscots_cl.imaging.stray_files import StrayMaps
+    from irtscots_cl.scene.height_map import MirrorMap
 
 METHOD = "southwell"
 NOLLS = tuple(range(1, 16))  # Zernike terms that are stated: to radial order 4
@@ -36,14 +37,15 @@ class MeasuredDesign:
     """A design with the n pixels on which it is judged. seen: their grid [rows, columns].
 
     fringes: numbers of periods over the screen and steps; None for scans of single lines. air: on the rays' way.
-    stray: maps of ghosts and scattered light by kind; None without a file. derivatives: of the places by single
-    numbers, as they are asked for.
+    maps: tables of the mirror's maps, which the design has not. stray: maps of ghosts and scattered light by kind; None
+    without a file. derivatives: of the places by single numbers, as they are asked for.
     """
 
     setup: Setup
     seen: SeenPixels = field(repr=False)
     fringes: tuple[tuple[float, ...], int] | None = None
     air: Air = field(default_factory=Air)
+    maps: tuple[MirrorMap, ...] = field(default=(), repr=False)
     stray: dict[str, StrayMaps] | None = field(default=None, repr=False, compare=False)
     derivatives: dict[str, FloatArray] = field(default_factory=dict, repr=False, compare=False)
 
@@ -53,7 +55,7 @@ class MeasuredDesign:
     ) -> MeasuredDesign:
         """Of a set-up's design. Raises the errors of seen_pixels."""
         nominal = setup.nominal
-        return cls(nominal, seen_pixels(nominal), fringes, air or Air())
+        return cls(nominal, seen_pixels(nominal), fringes, air or Air(), setup.scene.mirror.map)
 
     @classmethod
     def of_budget(cls, setup: Setup, budget: Budget) -> MeasuredDesign:

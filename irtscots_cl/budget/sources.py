@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from irtscots_cl.budget.air_gradient import AXES, TemperatureGradient
@@ -23,6 +23,7 @@ from irtscots_cl.scene.validation import nearest, problem
 
 if TYPE_CHECKING:
     from irtscots_cl.imaging.stray_files import StrayMaps
+    from irtscots_cl.scene.height_map import MirrorMap
 
 _FIXED: dict[str, Source] = {
     source.name: source
@@ -48,11 +49,13 @@ STRAY = ("stray.ghosts", "stray.scatter")  # of a file: budget/stray_paths.py
 FORM = ("mirror.radius_relative", "mirror.conic")  # which a flat mirror has not
 
 
-def known_sources(scene: Scene, stray: Mapping[str, StrayMaps] | None = None) -> dict[str, Source]:
+def known_sources(
+    scene: Scene, stray: Mapping[str, StrayMaps] | None = None, maps: Sequence[MirrorMap] = ()
+) -> dict[str, Source]:
     """Sources of a scene by name, without the mirror's Zernike terms (zernike.4_um and so on) and without motion, which
     each number of the geometry can have (vibration.camera.x_mm, drift.camera.x_mm).
 
-    stray: maps of the budget's file of stray light, by kind; None without one.
+    stray: maps of the budget's file of stray light, by kind; None without one. maps: tables of the mirror's maps.
     """
     of_scene = (SceneNoise(),) if has_noise(scene.camera.detector.noise) else ()
     flat = FORM if scene.mirror.is_flat else ()
@@ -62,11 +65,17 @@ def known_sources(scene: Scene, stray: Mapping[str, StrayMaps] | None = None) ->
         from irtscots_cl.budget.stray_paths import known_stray  # imported late: few budgets have such a file
 
         known |= known_stray(stray)
+    if maps:
+        from irtscots_cl.budget.mirror_map import known_maps  # imported late: few mirrors have maps
+
+        known |= known_maps(maps)
     return known
 
 
-def source_of(name: str, scene: Scene, stray: Mapping[str, StrayMaps] | None = None) -> Source:
-    """The source of a name. stray: as of known_sources.
+def source_of(
+    name: str, scene: Scene, stray: Mapping[str, StrayMaps] | None = None, maps: Sequence[MirrorMap] = ()
+) -> Source:
+    """The source of a name. stray, maps: as of known_sources.
 
     Raises SceneError for an unknown one, or one of stray light that no file has.
     """
@@ -76,6 +85,11 @@ def source_of(name: str, scene: Scene, stray: Mapping[str, StrayMaps] | None = N
         from irtscots_cl.budget.stray_paths import stray_source
 
         return stray_source(name, scene, stray)
+    if maps:
+        from irtscots_cl.budget.mirror_map import mounted_map
+
+        if (on_mount := mounted_map(name, maps)) is not None:
+            return on_mount
     if name == SceneNoise.name and has_noise(scene.camera.detector.noise):
         return SceneNoise()
     moving = next((prefix for prefix in (VIBRATION, DRIFT) if name.startswith(prefix)), "")
@@ -88,7 +102,7 @@ def source_of(name: str, scene: Scene, stray: Mapping[str, StrayMaps] | None = N
         else:
             return {VIBRATION: Vibration, DRIFT: Drift}[moving](found) if moving else found
     motion = (prefix + of for prefix in (VIBRATION, DRIFT) for of in known_parameters(scene))
-    known = [*known_sources(scene), *STRAY, *motion]
+    known = [*known_sources(scene, maps=maps), *STRAY, *motion]
     raise problem(scene.name, ("budget", "sources", name), f"unknown source; {nearest(name, known)}")
 
 

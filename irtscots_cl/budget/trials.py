@@ -48,7 +48,7 @@ class Trials:
         """
         scene = design.setup.scene
         budget, joint = with_calibrated(budget, scene)
-        sources = tuple(source_of(name, scene, design.stray) for name in sorted(budget.sources))
+        sources = tuple(source_of(name, scene, design.stray, design.maps) for name in sorted(budget.sources))
         for source in sources:
             given = budget.sources[source.name]
             if source.kind is not Kind.PARAMETER and (given.kind != "normal" or given.set_ups is not None):

@@ -16,6 +16,7 @@ from scipy.ndimage import binary_erosion
 
 from irtscots_cl.budget.brightness import TERMS, Brightness
 from irtscots_cl.budget.geometry import Geometry
+from irtscots_cl.budget.mirror_map import MountedMap, mapped
 from irtscots_cl.budget.sensitivity import NM
 from irtscots_cl.budget.trials import LEAST_SHARE, Trials
 from irtscots_cl.calibration.parameters import moved
@@ -36,6 +37,7 @@ from irtscots_cl.system.atomic_files import made_folder, write_text
 from irtscots_cl.tracing.trace import trace
 
 RAYS_PER_PIXEL = 2**14
+LEAST_FACTOR = 1e-6  # of a map's heights in a scene
 NAME_KEPT = 48  # characters of a scene's name, of 64
 MEASURE = "paper"  # as the budget measures: trapezoids, and slopes as means over pixels
 
@@ -113,7 +115,7 @@ def trial_scene(trials: Trials, trial: int) -> tuple[Scene, dict[str, float]]:
         source.name: value
         for source in trials.sources
         for value in (trials.values_of(trial)[source.name],)
-        if isinstance(source, Geometry | Brightness)
+        if isinstance(source, Geometry | Brightness | MountedMap)
     }
     geometry = {s.name: held[s.name] for s in trials.sources if isinstance(s, Geometry)}
     polynomial = [0.0] * len(TERMS)
@@ -122,6 +124,12 @@ def trial_scene(trials: Trials, trial: int) -> tuple[Scene, dict[str, float]]:
             polynomial[TERMS.index(source.term)] = held[source.name]
     scene = moved(_plain(trials.design.setup.scene), geometry)
     scene = replace(scene, name=f"{scene.name[:NAME_KEPT]}-trial-{trial}")
+    if maps := [
+        replace(source.table, factor=source.table.factor * held[source.name])
+        for source in trials.sources
+        if isinstance(source, MountedMap) and abs(source.table.factor * held[source.name]) > LEAST_FACTOR
+    ]:
+        scene = mapped(scene, maps)
     if any(polynomial):
         a, b, c, d, e = polynomial
         response = ScreenResponse(brightness_polynomial=(a, b, c, d, e))

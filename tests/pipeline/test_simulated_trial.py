@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_budget import small_trials
+from height_maps import letter, with_maps
+from small_budget import small_scene, small_trials
 
+from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.trials import Trials
+from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.simulated_trial import simulate_trial, simulated_facts, trial_scene
+from irtscots_cl.scene.error_sources import Budget
+from irtscots_cl.scene.height_map import MirrorMap
 
 SOURCES = {
     "camera.x_mm": 0.1,
@@ -32,6 +38,15 @@ def test_the_scene_holds_geometry_and_brightness(trials):
     assert scene.screen.response.brightness_polynomial == (0, 0, values["screen.brightness_xx"], 0, 0)
     assert scene.mirror.zernike[0].coefficients_um[6] == values["zernike.6_um"]
     assert scene.name == "sphere-trial-3" and scene.budget is None
+
+
+def test_the_scene_holds_maps_of_the_mount():
+    design = MeasuredDesign.of(
+        Setup(with_maps(small_scene(31), MirrorMap(heights=letter(), outside="nearest", factor=-2)))
+    )
+    trials = Trials.of(design, Budget(sources={"map.1": 0.1}, trials=4))
+    scene, held = trial_scene(trials, 1)
+    assert scene.mirror.map[0].factor == -2 * held["map.1"] == -2 * trials.values_of(1)["map.1"] != 0
 
 
 def test_the_simulated_error_is_the_trials_within_the_rays_noise(device, trials):
