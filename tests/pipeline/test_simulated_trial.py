@@ -9,10 +9,12 @@ from small_budget import small_scene, small_trials
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.trials import Trials
+from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.simulated_trial import simulate_trial, simulated_facts, trial_scene
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.height_map import MirrorMap
+from irtscots_cl.tracing.trace import trace
 
 SOURCES = {
     "camera.x_mm": 0.1,
@@ -56,6 +58,18 @@ def test_the_simulated_error_is_the_trials_within_the_rays_noise(device, trials)
     assert found.difference_nm < 2 * found.noise_nm
     assert found.left_out == ("noise.place_mm", "vibration.camera.x_mm")
     assert found.used.all() and simulated_facts(found)["difference_nm"] == found.difference_nm
+
+
+def test_without_an_error_that_a_scene_holds_it_is_the_plain_test(device):
+    """To the bit."""
+    trials = small_trials(sources={"noise.place_mm": 1e-3}, pixels=31)
+    found = simulate_trial(trials, 1, rays_per_pixel=256, device=device)
+    assert not found.held and not found.simulated_mm.any() and not found.predicted_mm.any()
+    plain = small_scene(31)
+    stack = trace(plain, rays_per_pixel=256, seed=trials.budget.seed, device=device).images(LineScan(plain))
+    for own, there in ((found.stack.x, stack.x), (found.stack.y, stack.y)):
+        assert np.array_equal(own.flux_w, there.flux_w) and own.flux_w.any()
+    assert not trials.heights_mm([(1, {})]).any()
 
 
 def test_the_same_trial_again_has_the_same_bits(device, trials):
