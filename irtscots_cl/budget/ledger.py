@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from irtscots_cl.budget.sensitivity import NM
 from irtscots_cl.budget.trials import Trials
 from irtscots_cl.maths.arrays import FloatArray
 
@@ -23,12 +24,14 @@ AT_ONCE = 64  # height maps
 
 @dataclass(frozen=True)
 class LedgerRow:
-    """height_mm: [n] what the source adds. second_order_mm: the most that another order changes in any pixel."""
+    """height_mm: [n] what the source adds. second_order_mm: the most that another order changes in any pixel;
+    second_order_nm: of its rms, piston and tilt removed."""
 
     name: str
     value: float
     height_mm: FloatArray = field(repr=False)
     second_order_mm: float
+    second_order_nm: float
 
 
 @dataclass(frozen=True)
@@ -48,21 +51,22 @@ def ledger(trials: Trials, trial: int, order: Sequence[str] | None = None) -> Le
     names = tuple(order or values)
     steps = _heights(trials, trial, [{name: values[name] for name in names[:k]} for k in range(len(names) + 1)])
     second = _second_order(trials, trial, values)
-    rows = tuple(LedgerRow(name, values[name], steps[k + 1] - steps[k], second[name]) for k, name in enumerate(names))
+    rows = tuple(LedgerRow(name, values[name], steps[k + 1] - steps[k], *second[name]) for k, name in enumerate(names))
     return Ledger(rows, steps[-1])
 
 
-def _second_order(trials: Trials, trial: int, values: Mapping[str, float]) -> dict[str, float]:
-    """The most in mm that other sources change in each source's row."""
+def _second_order(trials: Trials, trial: int, values: Mapping[str, float]) -> dict[str, FloatArray]:
+    """The most that other sources change in each source's row: in mm in any pixel, and in nm rms."""
     coarse = trials.coarse(COARSE)
     alone = dict(zip(values, _heights(coarse, trial, [{name: value} for name, value in values.items()]), strict=True))
     pairs = list(combinations(values, 2))
     both = _heights(coarse, trial, [{a: values[a], b: values[b]} for a, b in pairs])
-    found = dict.fromkeys(values, 0.0)
+    found = {name: np.zeros(2) for name in values}
     for (a, b), height in zip(pairs, both, strict=True):
-        excess = MARGIN * float(np.abs(height - alone[a] - alone[b]).max())
-        found[a] += excess
-        found[b] += excess
+        excess = height - alone[a] - alone[b]
+        most = MARGIN * np.array([np.abs(excess).max(), coarse.design.response.left(excess[None])[0, 0] * NM])
+        found[a] += most
+        found[b] += most
     return found
 
 

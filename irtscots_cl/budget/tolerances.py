@@ -25,6 +25,7 @@ from irtscots_cl.scene.error_sources import Distribution
 
 POINTS = 2**13  # of the sequence: the 95 % quantile is known to about 1 %
 COVERAGE = 0.95
+SMALLEST_CAP = 1e-6  # of what is allowed: fewer sources than a million cost less together
 WIDEST = 1e6  # times its size: a source that may be off by more does nothing
 
 
@@ -84,6 +85,16 @@ class QuadraticError:
                 found[name] = square[chosen], product[chosen]
         return found
 
+    @cached_property
+    def alone_nm(self) -> dict[str, float]:
+        """Rms height error in nm that each source's standard deviation makes alone, without the terms."""
+        level = LEFT_AFTER.index(self.remove)
+        return {name: float(self.found[name].left_nm[level]) * given.sigma for name, given in self.given.items()}
+
+    def capped(self, cap_nm: float) -> dict[str, float]:
+        """Factors on the sources' sizes with which none costs more than a cap alone; those that cost less stay."""
+        return {name: min(1.0, cap_nm / nm) if nm > 0 else 1.0 for name, nm in self.alone_nm.items()}
+
     def nm(self, factors: Mapping[str, float] | None = None, coverage: float = COVERAGE) -> float:
         """The quantile with each source's size multiplied by a factor, 1 where none is given."""
         by = factors or {}
@@ -99,11 +110,12 @@ class QuadraticError:
 @dataclass(frozen=True)
 class Tolerance:
     """largest: size that one source may have, all others as given; 0 where these alone cost too much; inf for a source
-    that does nothing."""
+    that does nothing. together: size of each with which all of them meet it: none costs more than the cap."""
 
     name: str
     given: float
     largest: float
+    together: float
 
 
 @dataclass(frozen=True)
@@ -118,13 +130,15 @@ class Calibration:
 @dataclass(frozen=True)
 class Tolerances:
     """allow_nm: what the test may cost, at a coverage. now_nm: what it costs. common_factor: by which all sizes would
-    have to be multiplied together. each: alone. plan: calibrations that reach it, the best value first, or all if even
+    have to be multiplied together. cap_nm: the most that one source may cost, so that all together meet it; inf where
+    they do as given. each: source. plan: calibrations that reach it, the best value first, or all if even
     they do not."""
 
     allow_nm: float
     coverage: float
     now_nm: float
     common_factor: float
+    cap_nm: float
     each: tuple[Tolerance, ...]
     plan: tuple[Calibration, ...]
 
@@ -132,12 +146,24 @@ class Tolerances:
 def tolerances(error: QuadraticError, allow_nm: float, coverage: float = COVERAGE) -> Tolerances:
     """What the sources may be so that the rms height error stays within allow_nm with that coverage."""
     now = error.nm(coverage=coverage)
+    cap = _cap(error, allow_nm, coverage) if now > allow_nm else math.inf
+    capped = error.capped(cap)
     each = tuple(
-        Tolerance(name, given.size, given.size * _largest(error, name, allow_nm, coverage))
+        Tolerance(name, given.size, given.size * _largest(error, name, allow_nm, coverage), given.size * capped[name])
         for name, given in sorted(error.given.items())
     )
     common = allow_nm / now if now > 0 else math.inf  # the error is in proportion to all sizes together
-    return Tolerances(allow_nm, coverage, now, common, each, _plan(error, allow_nm, coverage))
+    return Tolerances(allow_nm, coverage, now, common, cap, each, _plan(error, allow_nm, coverage))
+
+
+def _cap(error: QuadraticError, allow_nm: float, coverage: float) -> float:
+    """The most that one source may cost so that the quantile is what is allowed, where it is more as given."""
+
+    def excess(log_cap: float) -> float:
+        return error.nm(error.capped(math.exp(log_cap)), coverage) - allow_nm
+
+    most = max(error.alone_nm.values())
+    return math.exp(brentq(excess, math.log(SMALLEST_CAP * allow_nm), math.log(most), xtol=1e-9))
 
 
 def _largest(error: QuadraticError, name: str, allow_nm: float, coverage: float) -> float:

@@ -83,7 +83,9 @@ def _ledger_facts(found: ErrorBudget) -> dict[str, Any]:
         "trial": found.trial,
         "rows": [
             {"name": row.name, "value": row.value, "nm": by_terms(left(row.height_mm[None])[0] * NM),
-             "second_order_nm": row.second_order_mm * NM} for row in found.ledger.rows
+             "second_order_nm": row.second_order_nm,
+             "second_order_nm_of_any_pixel": row.second_order_mm * NM}
+            for row in found.ledger.rows
         ],
         "total_nm": by_terms(left(found.ledger.total_mm[None])[0] * NM),
     }  # fmt: skip
@@ -201,7 +203,7 @@ def _ledger_table(found: ErrorBudget) -> Table:
     ranked = sorted(found.ledger.rows, key=lambda row: -float(np.mean(row.height_mm**2)))
     rows = [
         (row.name, f"{row.value:.4g}", *(f"{nm:.3g}" for nm in left(row.height_mm[None])[0] * NM),
-         f"{row.second_order_mm * NM:.2g}")
+         f"{row.second_order_nm:.2g}")
         for row in ranked
     ]  # fmt: skip
     rows.append(("sum of the maps", "", *(f"{nm:.3g}" for nm in left(found.ledger.total_mm[None])[0] * NM), ""))
@@ -213,12 +215,15 @@ def _ledger_table(found: ErrorBudget) -> Table:
 def _tolerance_tables(found: ErrorBudget, told: Tolerances) -> list[Table]:
     """The largest size of each source alone, and what to calibrate where the test costs more than it may."""
     unit = {name: one.source.unit for name, one in found.sensitivities.items()}
-    rows = [(one.name, f"{one.given:.3g} {unit[one.name]}".strip(), _size(one.largest, unit[one.name]))
+    rows = [(one.name, f"{one.given:.3g} {unit[one.name]}".strip(), _size(one.largest, unit[one.name]),
+             "as given" if one.together == one.given else f"{one.together:.3g} {unit[one.name]}".strip())
             for one in told.each]  # fmt: skip
-    rows.append(("all together", "1 x", f"{told.common_factor:.3g} x"))
+    rows.append(("all by one factor", "1 x", f"{told.common_factor:.3g} x", ""))
     share = f"{100 * told.coverage:g} % of tests"
-    title = f"{told.allow_nm:g} nm allowed, {told.now_nm:.3g} nm now for {share}: largest size, all others as given"
-    tables = [Table(title, ("source", "given", "largest"), rows)]
+    title = f"{told.allow_nm:g} nm allowed, {told.now_nm:.3g} nm now for {share}: largest sizes"
+    if told.cap_nm < np.inf:
+        title += f"; together, with none that costs more than {told.cap_nm:.3g} nm alone"
+    tables = [Table(title, ("source", "given", "alone, all others as given", "all together"), rows)]
     if told.now_nm > told.allow_nm:
         steps = [(step.name, "" if step.cost is None else f"{step.cost:g}", f"{step.after_nm:.3g}")
                  for step in told.plan]  # fmt: skip

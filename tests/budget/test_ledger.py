@@ -36,6 +36,8 @@ def test_the_order_changes_a_row_by_no_more_than_its_second_order_part(trials, w
         for row in ledger(trials, 3, names).rows:
             change = row.height_mm - own[row.name].height_mm
             assert np.abs(change).max() <= own[row.name].second_order_mm, row.name
+            left = trials.design.response.left(change[None])[0, 0] * 1e6
+            assert left <= own[row.name].second_order_nm, row.name
 
 
 def test_second_order_parts_are_small_and_not_idle(whole):

@@ -50,11 +50,25 @@ def test_with_its_largest_tolerance_the_test_just_meets_it(error):
             assert error.nm({one.name: one.largest / one.given}) == pytest.approx(told.allow_nm, rel=1e-4)
     assert error.nm(dict.fromkeys(SOURCES, told.common_factor)) == pytest.approx(told.allow_nm, rel=1e-9)
     assert told.plan == ()  # nothing to do
+    assert told.cap_nm == np.inf and all(one.together == one.given for one in told.each)
 
 
 def test_where_the_others_cost_too_much_no_tolerance_helps(error):
     told = tolerances(error, 5.0)
     assert {one.name: one.largest for one in told.each}["noise.place_mm"] == 0.0
+
+
+def test_sizes_that_meet_it_together(error, found):
+    """The dear ones cost the same, the cheap ones stay."""
+    told = tolerances(error, 5.0)
+    together = {one.name: one.together for one in told.each}
+    assert error.nm({one.name: one.together / one.given for one in told.each}) == pytest.approx(5.0, rel=1e-4)
+    cost = {name: found[name].left_nm[0] * replace(one, **{one.kind: together[name]}).sigma
+            for name, one in error.given.items()}  # fmt: skip
+    dear = [name for name, one in error.given.items() if together[name] < one.size]
+    assert 2 <= len(dear) < len(cost)
+    assert all(cost[name] == pytest.approx(told.cap_nm, rel=1e-6) for name in dear)
+    assert all(nm <= told.cap_nm * (1 + 1e-9) for nm in cost.values())
 
 
 def test_the_plan_reaches_what_is_allowed(error):
