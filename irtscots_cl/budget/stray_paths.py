@@ -96,8 +96,8 @@ def with_stray(design: MeasuredDesign, budget: Budget) -> MeasuredDesign:
     for kind in found.stray or ():
         count = without_value(found, kind)
         if count > MOST_WITHOUT * design.count:
-            text = f"{path}: {kind}: {count} of the design's {design.count} pixels have no value, at most a tenth may"
-            raise problem(scene.name, key, f"{text}: trace more rays")
+            text = f"{path}: {kind}: {count} of the design's {design.count} pixels have no value; at most a tenth may"
+            raise problem(scene.name, key, f"{text}: rays are too few, or this light makes light curves unusable")
     return found
 
 
