@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from scenes import coarse, coarse_screen
 
+from irtscots_cl.formats.height_map import HeightMap
+from irtscots_cl.formats.maps import write_map
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.presets import load_scene, parse_scene
 
@@ -65,7 +67,7 @@ def test_the_budget_has_the_height_that_the_paths_tell(irtscots, folder, traced)
     (noise,) = told["stray_light"]
     assert noise["name"] == "stray.ghosts" and 0 < noise["rays_nm"]["piston_tilt"] < 0.05 * nm["stray.ghosts"]
     filled = noise["pixels_without_value"]
-    assert err.count("no value in its file") == bool(filled) and "noise of the rays" not in err
+    assert err.count("no value in its file") == bool(filled) and "noise of its file" not in err
     code, out, _ = irtscots("budget", folder / "few.toml")
     assert code == 0 and "by the noise of the rays of its file" in out
 
@@ -76,8 +78,11 @@ def test_few_rays_are_told(irtscots, folder, scene, device):
     assert code == 0 and f"results in {folder / 'noisy'}" in out
     text = (folder / "few.toml").read_text().replace(f"{folder}/out/", "out/").replace("out/stray", "noisy/stray")
     (folder / "noisy.toml").write_text(text)
-    code, _, err = irtscots("budget", folder / "noisy.toml", "--json")
-    assert code == 0 and "nm are noise of the rays of its file: trace more rays" in err
+    flat = folder / "flat.npz"
+    write_map(flat, HeightMap(np.zeros((60, 60)), pitch_mm=(scene.mirror.diameter_mm / 59,) * 2))
+    for result in ((), ("--result", flat)):
+        code, _, err = irtscots("budget", folder / "noisy.toml", "--json", *result)
+        assert code == 0 and "nm are noise of its file's rays: trace more" in err
 
 
 def test_what_cannot_be_written_is_refused_before_a_ray(irtscots, folder, scene, monkeypatch):
