@@ -63,7 +63,7 @@ def assess(
     found = {one.source.name: one for one in sensitivities(design, others, procedure=trials.procedure)}
     found |= own_sensitivities(trials)
     budget = trials.budget
-    noise = _ray_noise(trials)
+    noise = rays_of_stray_light(trials)
     if not budget.sources:
         return ErrorBudget(trials, found, None, None, trial, None, None, ray_noise=noise)
     own = {name: found[name] for name in budget.sources}
@@ -78,7 +78,8 @@ def assess(
     return ErrorBudget(trials, found, linear, spread, trial, rows, allowed, why, noise)
 
 
-def _ray_noise(trials: Trials) -> tuple[RayNoise, ...]:
+def rays_of_stray_light(trials: Trials) -> tuple[RayNoise, ...]:
+    """Of the sources of a file of stray light, at their sizes; without any sources, of all that the file has."""
     if not trials.design.stray:
         return ()
     from irtscots_cl.budget.stray_paths import known_stray, ray_noise  # imported late: few budgets have such a file

@@ -18,6 +18,17 @@ from irtscots_cl.maths.arrays import FloatArray
 TERMS = ("x", "y", "xx", "xy", "yy")
 
 
+def moved_by_factor(covariance_mm: FloatArray, mean: FloatArray, value: float) -> FloatArray:
+    """Changes (du, dv) [2, n] of the mean places of pixels' light by a factor 1 + value x on it; NaN where the factor's
+    mean is not above 0.
+
+    covariance_mm: [2, n] of places and x over a pixel's light. mean: [n] of x.
+    """
+    light = 1 + value * mean
+    found: FloatArray = covariance_mm * value / np.where(light > 0, light, np.nan)
+    return found
+
+
 @dataclass(frozen=True)
 class Brightness:
     """Coefficient of one term of the brightness over the screen: see scene.screen_response.brightness_polynomial."""
@@ -39,10 +50,7 @@ class Brightness:
         """Changes (du, dv) [2, n] of the places: covariance with the factor over its mean; NaN where that is not
         above 0."""
         slope, mean = self._gradient(design)
-        light = 1 + value * mean
-        light = np.where(light > 0, light, np.nan)
-        found: FloatArray = np.einsum("ijn,jn->in", design.light.covariance_mm2, slope) * value / light
-        return found
+        return moved_by_factor(np.einsum("ijn,jn->in", design.light.covariance_mm2, slope), mean, value)
 
     def derivative(self, design: MeasuredDesign) -> FloatArray:
         """Changes [2, n] per unit."""

@@ -69,6 +69,14 @@ class LightSample:
         return found + np.diag(np.square(self.screen.pitch_xy_mm) / 12)[..., None]
 
     @cached_property
+    def covariance_with_pixel_mm(self) -> FloatArray:
+        """Covariance [2, 2, n] of the places (u, v) with the point (column, row) of the pixel, in pixels, at which
+        their light lands: by the local map's linear part."""
+        slopes = np.stack([[self.maps.term(output, key) for key in LINEAR[:2]] for output in "uv"])
+        found: FloatArray = slopes * VARIANCES[:2, None] / 2  # s and t are in half pixels
+        return found
+
+    @cached_property
     def _monomials(self) -> FloatArray:
         """[14, POINTS] of the local maps, at points of footprint and aperture."""
         unit = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(0)).random(POINTS)

@@ -9,6 +9,7 @@ from irtscots_cl.budget.air_gradient import AXES, TemperatureGradient
 from irtscots_cl.budget.brightness import TERMS, Brightness
 from irtscots_cl.budget.detector import Quantisation, ReadNoise, SceneNoise, has_noise
 from irtscots_cl.budget.diffraction import Diffraction
+from irtscots_cl.budget.efficiency import Efficiency
 from irtscots_cl.budget.geometry import PREFIXES, Geometry, geometry
 from irtscots_cl.budget.motion import DRIFT, VIBRATION, Drift, Vibration
 from irtscots_cl.budget.noise import PhotonNoise, PlaceNoise
@@ -39,6 +40,7 @@ _FIXED: dict[str, Source] = {
         Diffraction(),
         ReadNoise(),
         Quantisation(),
+        *(Efficiency(axis) for axis in "xy"),
         *(ResponsePower(of) for of in ("screen", "detector")),
         DeadPixels(),
         UniformLight(),

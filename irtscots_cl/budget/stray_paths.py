@@ -95,8 +95,8 @@ def with_stray(design: MeasuredDesign, budget: Budget) -> MeasuredDesign:
     for kind in found.stray or ():
         count = without_value(found, kind)
         if count > MOST_WITHOUT * design.count:
-            text = f"{path}: {kind}: {count} of the design's {design.count} pixels have no value, at most a tenth may"
-            raise problem(scene.name, key, f"{text}: trace more rays")
+            text = f"{path}: {kind}: {count} of the design's {design.count} pixels have no value; at most a tenth may"
+            raise problem(scene.name, key, f"{text}: rays are too few, or this light makes light curves unusable")
     return found
 
 
@@ -108,11 +108,13 @@ def without_value(design: MeasuredDesign, kind: str) -> int:
 @dataclass(frozen=True)
 class RayNoise:
     """Error of a source's height map by the rays of its file. nm: rms [4], terms removed as LEFT_AFTER; NaN where the
-    file has one replicate alone. without_value: of the design's pixels."""
+    file has one replicate alone. own_nm: [4] of the map itself. without_value: of so many of the design's pixels."""
 
     name: str
     nm: FloatArray
+    own_nm: FloatArray
     without_value: int
+    pixels: int
 
 
 def ray_noise(procedure: Procedure, source: StrayPaths, factor: float) -> RayNoise:
@@ -120,11 +122,12 @@ def ray_noise(procedure: Procedure, source: StrayPaths, factor: float) -> RayNoi
     leaves them."""
     design = procedure.design
     change, ratio = _chosen(design, source.light)
-    heights = procedure.of_parameter(source, design.response.heights_mm(scaled(change[1:], ratio, factor)))
-    count = len(heights)
-    squares = design.response.left(heights - heights.mean(0)) ** 2
+    heights = procedure.of_parameter(source, design.response.heights_mm(scaled(change, ratio, factor)))
+    own, left_out, count = heights[:1], heights[1:], len(heights) - 1
+    squares = design.response.left(left_out - left_out.mean(0)) ** 2
     nm = NM * np.sqrt((count - 1) / count * squares.sum(0)) if count > 1 else np.full(squares.shape[1], np.nan)
-    return RayNoise(source.name, nm, without_value(design, source.light))
+    own_nm = NM * design.response.left(own)[0]
+    return RayNoise(source.name, nm, own_nm, without_value(design, source.light), design.count)
 
 
 def _of_file(design: MeasuredDesign, kind: str) -> FloatArray:

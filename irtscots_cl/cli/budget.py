@@ -24,7 +24,8 @@ def add(commands) -> None:
         "say what each error source costs in nanometres, before there is any hardware",
         "Prints what each source of the scene's table [budget] costs, alone and together in many trials, and the "
         "ledger of one trial: signed height maps that add up to its whole error. Without that table it prints what "
-        "every known source costs at a usual value. Only the scene's design is used, and no device.",
+        "every known source costs at a usual value. Only the scene's design is used, and no device. Ghosts and "
+        "scattered light are of a file that `irtscots paths SCENE --out DIR` writes.",
     )
     add_scene(parser)
     parser.add_argument("--trials", type=int, metavar="N", help="number of trials; default: the scene's, or 512")
@@ -78,7 +79,7 @@ def _execute(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from irtscots_cl.budget.assess import assess
-    from irtscots_cl.report.budget import budget_facts, budget_tables, budget_warnings, simulated_table
+    from irtscots_cl.report.budget import budget_facts, budget_tables, simulated_table, stray_warnings
     from irtscots_cl.scene.error_sources import Budget
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain
 
@@ -95,7 +96,7 @@ def _execute(options: argparse.Namespace) -> int:
         budget = replace(budget, allow_nm=options.allow_nm)
     with Progress("trials", options.quiet, "trials") as progress:
         found = assess(scene, budget, options.trial, lambda count: progress(count, budget.trials))
-    for text in budget_warnings(found):
+    for text in stray_warnings(found.ray_noise):
         warn(text)
     facts = budget_facts(found)
     tables = budget_tables(found)
@@ -148,8 +149,10 @@ def _simulated(options: argparse.Namespace, found: ErrorBudget) -> SimulatedTria
 
 def _judge(options: argparse.Namespace, scene: Scene) -> int:
     """The verdict on a measured map."""
+    from irtscots_cl.budget.assess import rays_of_stray_light
     from irtscots_cl.budget.verdict import WAVELENGTH_NM
     from irtscots_cl.pipeline.verdict import judge_map
+    from irtscots_cl.report.budget import stray_warnings
     from irtscots_cl.report.verdict import verdict_facts, verdict_tables
     from irtscots_cl.scene.error_sources import Budget
     from irtscots_cl.system.atomic_files import plain
@@ -161,6 +164,8 @@ def _judge(options: argparse.Namespace, scene: Scene) -> int:
     found = judge_map(scene, budget, options.result, require, options.wavelength_nm or WAVELENGTH_NM)
     for text in found.warnings:
         warn(f"{options.result}: {text}")
+    for text in stray_warnings(rays_of_stray_light(found.trials)):
+        warn(text)
     if options.json:
         print_json(plain(verdict_facts(found)))
     else:

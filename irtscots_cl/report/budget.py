@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from irtscots_cl.budget.tolerances import Tolerances
 from irtscots_cl.calibration.height_response import LEFT_AFTER, by_terms
 from irtscots_cl.report.table import Table
 from irtscots_cl.scene.error_sources import Distribution
+
+if TYPE_CHECKING:
+    from irtscots_cl.budget.stray_paths import RayNoise
 
 HEAD = ("piston, tilt", "+ power", "+ astigmatism", "+ coma")
 SHARES = (0.5, 0.68, 0.95, 0.99)
@@ -99,27 +103,17 @@ def budget_tables(found: ErrorBudget) -> list[Table]:
     return [_source_table(found), *_stray_tables(found), _total_table(found), *allowed, _ledger_table(found)]
 
 
-def budget_warnings(found: ErrorBudget) -> list[str]:
+def stray_warnings(noise: Sequence[RayNoise]) -> list[str]:
     """What must be known of the file of stray light, a line each."""
     said = []
-    for one in found.ray_noise:
-        own = float(found.sensitivities[one.name].left_nm[0]) * _size_of(found, one.name)
-        if not one.nm[0] <= NOISY * own:
-            noise = f"{one.nm[0]:.2g} nm" if np.isfinite(one.nm[0]) else "an unknown part (one replicate)"
-            said.append(f"{one.name}: {noise} of its {own:.3g} nm are noise of the rays of its file: trace more rays")
+    for one in noise:
+        if not one.nm[0] <= NOISY * one.own_nm[0]:
+            by_rays = f"{one.nm[0]:.2g} nm" if np.isfinite(one.nm[0]) else "an unknown part (one replicate)"
+            said.append(f"{one.name}: {by_rays} of its {one.own_nm[0]:.3g} nm are noise of its file's rays: trace more")
         if one.without_value:
-            count = found.trials.design.count
-            said.append(
-                f"{one.name}: {one.without_value} of {count} pixels have no value in its file; they get that of the "
-                "nearest pixel that has one"
-            )
+            of = f"{one.without_value} of {one.pixels} pixels"
+            said.append(f"{one.name}: {of} have no value in its file; they get that of the nearest pixel that has one")
     return said
-
-
-def _size_of(found: ErrorBudget, name: str) -> float:
-    """The size that a budget gives to a source, or the usual one."""
-    given = found.trials.budget.sources
-    return given[name].sigma if name in given else found.sensitivities[name].source.usual
 
 
 def _stray_tables(found: ErrorBudget) -> list[Table]:

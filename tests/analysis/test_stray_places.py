@@ -92,3 +92,12 @@ def test_pixels_without_direct_light_have_no_value(light, ghosts):
     dark = light.only("direct").images_w.sum((0, 1, 2)).reshape(ghosts.of_direct.shape) == 0
     assert dark.any() and np.isnan(ghosts.of_direct[dark]).all() and np.isnan(ghosts.change_mm[..., dark]).all()
     assert np.isfinite(ghosts.of_direct[~dark]).mean() > 0.9
+
+
+def test_pixels_that_are_lost_have_no_value(light):
+    """Much light where the geometry allows none makes a light curve unusable."""
+    bright = times(light, 300.0)
+    stray = stray_light(bright)
+    found, (lost,) = stray_maps(bright, stray)["ghost"], [one.lost for one in stray]
+    assert 0 < lost.sum() == stray[0].lost_pixels < 0.9 * np.isfinite(found.of_direct).sum()
+    assert np.isnan(found.of_direct[lost]).all() and np.isnan(found.change_mm[..., lost]).all()

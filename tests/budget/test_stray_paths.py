@@ -124,7 +124,7 @@ def test_files_that_do_not_fit_are_refused_in_one_line(scene, designed, tmp_path
         MeasuredDesign.of_budget(Setup(scene), budget)
     maps = made_maps(scene)
     maps.change_mm[0, :, :8] = np.nan
-    with pytest.raises(SceneError, match=r"ghost: \d+ of the design's \d+ pixels have no value, at most a tenth may: "):
+    with pytest.raises(SceneError, match=r"ghost: \d+ of the design's \d+ pixels have no value; at most a tenth may: "):
         designed(ghost=maps)
 
 

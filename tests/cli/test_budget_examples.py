@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 from scenes import EXAMPLES
 
-PIXELS = {"paper-budget": 125, "budget-406": 176, "budget-406-calibrated": 176}
+PIXELS = {"paper-budget": 125, "paper-errors": 125, "budget-406": 176, "budget-406-calibrated": 176}
 
 
 @pytest.fixture
@@ -55,3 +56,37 @@ def test_what_it_bought_suffices(irtscots, coarse):
     data = budget(irtscots, coarse("budget-406-calibrated"))
     assert 15 < data["tolerances"]["now_nm"] < 20 and data["tolerances"]["plan"] == []
     assert data["trials_percentiles_nm"]["0.95"]["piston_tilt"] < 20
+
+
+def test_light_errors_of_the_paper(irtscots, coarse):
+    """As the file is, without a trace: the screen's random brightness is all of it."""
+    data = budget(irtscots, coarse("paper-errors"))
+    nm = {one["name"]: one["nm"]["piston_tilt"] for one in data["sources"]}
+    assert nm.keys() == {
+        "screen.brightness_x", "screen.brightness_y", "screen.brightness_random",
+        "detector.efficiency_x", "detector.efficiency_y",
+    }  # fmt: skip
+    assert nm["screen.brightness_random"] == pytest.approx(28, rel=0.1) and nm["screen.brightness_x"] < 0.5
+    assert max(nm["detector.efficiency_x"], nm["detector.efficiency_y"]) < 0.02
+    assert data["trials_rms_nm"]["piston_tilt"] == pytest.approx(nm["screen.brightness_random"], rel=0.1)
+
+
+def test_scattered_light_of_the_paper(irtscots, device, coarse, tmp_path, monkeypatch):
+    """With the file's own command, and without the # of its two lines."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").mkdir()
+    text = coarse("paper-errors").read_text()
+    (tmp_path / "examples" / "paper-errors.toml").write_text(text)
+    (command,) = re.findall("^#   irtscots (paths .*)$", text, re.MULTILINE)
+    few = ("--rays-per-pixel", 4096, "--device", device.index, "--quiet", "--json")
+    code, out, err = irtscots(*command.split(), *few)
+    assert (code, err) == (0, "")
+    traced = json.loads(out)["stray_light"][0]
+    text, count = re.subn('^# (stray_light|"stray)', r"\1", text, flags=re.MULTILINE)
+    assert count == 2
+    (tmp_path / "examples" / "paper-errors.toml").write_text(text)
+    data = budget(irtscots, "./examples/paper-errors.toml")
+    nm = {one["name"]: one["nm"]["piston_tilt"] for one in data["sources"]}
+    assert nm["stray.scatter"] == pytest.approx(0.0043, rel=0.1)
+    assert nm["stray.scatter"] == pytest.approx(traced["height_nm_rms"], rel=0.05)
+    assert data["stray_light"][0]["rays_nm"]["piston_tilt"] < 0.05 * nm["stray.scatter"]

@@ -17,7 +17,7 @@ def scene_with(table: str):
 def test_round_trip():
     scene = scene_with(
         "\n[budget]\ntrials = 16\nallow_nm = 20.0\nmirror_turns = 2\nexposures = 3\n"
-        'compensators = ["screen.z_mm"]\ncalibrated = "out/report.json"\n'
+        'compensators = ["screen.z_mm"]\ncalibrated = "out/report.json"\nstray_light = "out/stray-light.h5"\n'
         "[budget.sources]\ncamera.x_mm = 0.1\n"
         '"screen.tilt_x_rad" = { uniform = 1e-3, cost = 500.0 }\n'
         "[budget.air]\nouter_scale_mm = 300.0\nwind_mm_per_s = 0.0\n"
@@ -28,6 +28,7 @@ def test_round_trip():
     budget = scene.budget
     assert (budget.mirror_turns, budget.exposures, budget.compensators) == (2, 3, ("screen.z_mm",))
     assert os.path.isabs(budget.calibrated) and budget.calibrated.endswith("report.json")
+    assert os.path.isabs(budget.stray_light) and budget.stray_light.endswith("stray-light.h5")
     assert parse_scene(scene.to_toml()) == scene and hash(scene) == hash(parse_scene(scene.to_toml()))
 
 
