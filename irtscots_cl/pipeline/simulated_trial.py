@@ -138,10 +138,11 @@ def trial_scene(trials: Trials, trial: int) -> tuple[Scene, dict[str, float]]:
 
 
 def _plain(scene: Scene) -> Scene:
-    """A scene without noise of its detector, response of its screen, and budget."""
-    detector = replace(scene.camera.detector, noise=None)
-    camera, screen = replace(scene.camera, detector=detector), replace(scene.screen, response=None)
-    return replace(scene, camera=camera, screen=screen, budget=None, calibration=None)
+    """A scene without noise of its detector, response of its screen, budget, and what chief rays do not know: its
+    elements and what scatters."""
+    camera = replace(scene.camera, detector=replace(scene.camera.detector, noise=None), lens="paraxial")
+    mirror, screen = replace(scene.mirror, scatter=None), replace(scene.screen, response=None)
+    return replace(scene, mirror=mirror, camera=camera, screen=screen, element=(), budget=None, calibration=None)
 
 
 def simulate_trial(

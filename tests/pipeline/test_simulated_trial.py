@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from height_maps import letter, with_maps
@@ -14,6 +16,8 @@ from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.simulated_trial import simulate_trial, simulated_facts, trial_scene
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.height_map import MirrorMap
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.scene.scatter.models import Harvey
 from irtscots_cl.tracing.trace import trace
 
 SOURCES = {
@@ -40,6 +44,16 @@ def test_the_scene_holds_geometry_and_brightness(trials):
     assert scene.screen.response.brightness_polynomial == (0, 0, values["screen.brightness_xx"], 0, 0)
     assert scene.mirror.zernike[0].coefficients_um[6] == values["zernike.6_um"]
     assert scene.name == "sphere-trial-3" and scene.budget is None
+
+
+@pytest.mark.parametrize("preset", ["sphere-singlet", "sphere-window"])
+def test_elements_and_scatter_are_left_out(device, preset):
+    scene = load_scene(preset)
+    scene = replace(scene, mirror=replace(scene.mirror, scatter=Harvey(tis=0.0025, l=0.01, s=-1.5)))
+    budget = Budget(sources={"screen.z_mm": 0.05}, trials=2)
+    trials = Trials.of(MeasuredDesign.of_budget(Setup(scene), budget), budget)
+    found = simulate_trial(trials, 1, rays_per_pixel=2**10, device=device)
+    assert found.difference_nm < 2 * found.noise_nm < 0.5 * found.predicted_nm
 
 
 def test_the_scene_holds_maps_of_the_mount():
