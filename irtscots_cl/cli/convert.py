@@ -74,7 +74,7 @@ def _execute(options: argparse.Namespace) -> int:
     if options.json:
         print_json({**map_facts(height_map), "written": str(options.target), "format": form, "notes": list(notes)})
         return 0
-    print(f"{options.target}: {described(height_map)}, from {height_map.origin}")
+    print(f"{options.target}: {form}, {described(height_map)}, from {height_map.origin}")
     for note in notes:
         print(f"  {note}")
     return 0

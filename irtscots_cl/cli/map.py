@@ -16,6 +16,12 @@ if TYPE_CHECKING:
 
 DEFAULT_REMOVED = "piston_tilt"
 SHOWN_TERMS = 15  # of the Zernike table
+SHOWN_OF_SPECTRA = 20  # rows at least, of longer tables
+# What --spectrum adds: key, title, and names and units of its two columns.
+SPECTRA = (
+    ("psd", "Power spectral density", "frequency_per_mm", "1/mm", "psd_nm2_mm2", "nm^2 mm^2"),
+    ("structure_function", "Structure function", "distance_mm", "distance [mm]", "mean_square_nm2", "nm^2"),
+)
 
 
 def add(commands) -> None:
@@ -166,13 +172,11 @@ def _print(facts: dict[str, Any]) -> None:
     terms = [(str(z["noll"]), f"{z['output_nm']:.4f}") for z in facts["zernike"][:SHOWN_TERMS]]
     tables = [Table("Figures", head, rows)]
     tables.append(Table("Zernike terms", ("Noll", "nm"), terms))
-    if "psd" in facts:
-        psd = facts["psd"]
-        pairs = zip(psd["frequency_per_mm"], psd["psd_nm2_mm2"], strict=True)
-        rows_of = [(f"{f:.5g}", f"{p:.5g}") for f, p in pairs]
-        tables.append(
-            Table("Power spectral density", ("1/mm", "nm^2 mm^2"), rows_of[:: max(1, len(rows_of) // 20)])
-        )  # fmt: skip
+    for key, title, x_name, x_unit, y_name, y_unit in SPECTRA:
+        if key in facts:
+            pairs = list(zip(facts[key][x_name], facts[key][y_name], strict=True))
+            some = [(f"{x:.5g}", f"{y:.5g}") for x, y in pairs[:: max(1, len(pairs) // SHOWN_OF_SPECTRA)]]
+            tables.append(Table(title, (x_unit, y_unit), some))
     print_tables(tables)
     print(
         f"Zernike terms of the map as it is, on the disk of radius {disk['radius']:.6g} {disk['unit']} about "

@@ -91,15 +91,13 @@ def _checked(
 ) -> tuple[int, tuple[int, int], np.dtype[Any], int, bool, tuple[str, ...]]:
     """Of an image unit: frames, shape, dtype, bits, whether the top row comes first, notes."""
     where, header = f"{path}: unit {number + 1}", unit.header
-    axes = [int(header[f"NAXIS{k + 1}"]) for k in range(int(header["NAXIS"]))]
-    while len(axes) > 2 and axes[-1] == 1:
-        axes.pop()
+    axes = _axes(header)
     if len(axes) not in (2, 3):
         raise ValueError(f"{where}: {len(axes)} axes: must be 2, or 3 for a stack")
     for key in COLOUR_KEYS:
         if str(header.get(key, "")).strip() not in ("", "F", "False", "MONO"):
             raise ValueError(f"{where}: {key} = {str(header[key])[:20]!r}: colour; must be grey")
-    bitpix, count = int(header["BITPIX"]), axes[2] if len(axes) == 3 else 1
+    bitpix, count = int(header["BITPIX"]), planes(header)
     if bitpix not in PLAIN:
         raise ValueError(f"{where}: BITPIX = {bitpix}: must be one of {', '.join(map(str, PLAIN))}")
     packed = type(unit).__name__ == "CompImageHDU"
@@ -109,6 +107,20 @@ def _checked(
     dtype, bits, notes = _values_of(where, header, bitpix)
     top_first, said = _top_first(where, header, options)
     return count, (axes[1], axes[0]), dtype, bits, top_first, (*notes, said)
+
+
+def _axes(header: Any) -> list[int]:
+    """Lengths of an image's axes, without trailing ones of length 1 beyond the second."""
+    axes = [int(header[f"NAXIS{k + 1}"]) for k in range(int(header["NAXIS"]))]
+    while len(axes) > 2 and axes[-1] == 1:
+        axes.pop()
+    return axes
+
+
+def planes(header: Any) -> int:
+    """Images [rows, columns] in a header's stack of 2 or 3 axes."""
+    axes = _axes(header)
+    return axes[2] if len(axes) == 3 else 1
 
 
 def _scale(header: Any) -> tuple[float, float]:

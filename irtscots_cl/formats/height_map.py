@@ -26,6 +26,7 @@ FLIPS = ("x", "y", "xy")
 MAX_HEIGHT_MM = 1e6
 MAX_PITCH_MM = 1e6
 WAVELENGTHS_NM = (1.0, 1e6)
+USUAL_WAVELENGTHS_NM = (100.0, 2e4)  # of interferometers, from the ultraviolet to the CO2 laser's 10.6 um
 
 
 @dataclass(frozen=True)
@@ -203,6 +204,9 @@ class Findings:
                 f"{self.where}: wavelength {found:.10g} nm, told {told:.10g}: its heights are made with its own; "
                 "leave --wavelength-nm out"
             )
+        least, most = USUAL_WAVELENGTHS_NM
+        if not least <= found <= most:
+            self.warnings.append(f"a wavelength of {found:.6g} nm is unusual, and heights in waves go with it")
         return found
 
     def pitch_mm(self, found: tuple[float, float] | None) -> tuple[float, float] | None:
@@ -238,7 +242,7 @@ class Findings:
         """Surface or wavefront. found: None where the file does not tell it."""
         told = self.told.kind
         if found and told and found != told:
-            raise ValueError(f"{self.where}: holds a {found}, told a {told}: leave the option out")
+            raise ValueError(f"{self.where}: holds a {found}, told a {told}: leave --holds out")
         if not found and not told:
             self.warnings.append("the file does not tell surface from wavefront: taken as a surface")
         return found or told or SURFACE
@@ -248,9 +252,10 @@ class Findings:
         number = self.told.number
         if number is None and count != 1:
             raise ValueError(f"{self.where}: {count} {what}: a map is one; give --number, from 1 to {count}")
-        if not 1 <= (number or 1) <= count:
+        number = 1 if number is None else number
+        if not 1 <= number <= count:
             raise ValueError(f"{self.where}: --number = {number}: must be 1 to {count}")
-        return (number or 1) - 1
+        return number - 1
 
     def heights(self, values: FloatArray) -> FloatArray:
         """Heights without infinite ones. Raises ValueError if none is valid."""

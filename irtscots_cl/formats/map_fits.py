@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from irtscots_cl.formats.fits import open_fits
+from irtscots_cl.formats.fits import open_fits, planes
 from irtscots_cl.formats.frames import ReadOptions, reading
 from irtscots_cl.formats.height_map import UNIT_MM, Findings, HeightMap, MapOptions, unit_named
 from irtscots_cl.formats.text_numbers import comment_lines
@@ -26,7 +26,7 @@ def read_map_fits(path: Path, options: MapOptions) -> HeightMap:
     found.warnings += [note for note in file.notes if "bottom-up" not in note and "top-down" not in note]
     heights = np.asarray(file.read(number), float)[::-1]
     with reading(path, "FITS"):
-        header = _header(path)
+        header = _header(path, number)
         wavelength = found.wavelength_nm(_number(header, "WAVELEN"))
         unit = str(header.get("BUNIT", "")).strip()
         name = unit_named(unit)
@@ -49,12 +49,14 @@ def read_map_fits(path: Path, options: MapOptions) -> HeightMap:
     )
 
 
-def _header(path: Path) -> Any:
-    """Header of the first unit with an image."""
+def _header(path: Path, number: int) -> Any:
+    """Header of the unit that an image, by its number from 0, is in: each may have a unit and scale of its own."""
     from astropy.io import fits
 
     with open(path, "rb") as file, fits.open(file, memmap=False, do_not_scale_image_data=True) as units:
-        return next(unit.header.copy() for unit in units if unit.is_image and unit.header.get("NAXIS", 0))
+        with_images = (unit for unit in units if unit.is_image and unit.header.get("NAXIS", 0))
+        of_images = [unit for unit in with_images for _ in range(planes(unit.header))]
+        return of_images[number].header.copy()
 
 
 def _number(header: Any, key: str) -> float | None:

@@ -1,8 +1,8 @@
 """Height maps in NumPy's files: NPZ with units and scale as arrays, NPY with bare heights.
 
-NPZ: `heights_mm` [rows, columns], row 0 at the smallest y, and where known `pitch_mm` [2], `wavelength_nm`,
-`centre_mm` [2], `wavefront` (0 or 1), `comment` (lines of text). An NPY file needs to be told the unit; its rows are
-taken to lie in the same way.
+NPZ: `heights_mm` [rows, columns], row 0 at the smallest y, and where known `pitch_mm` (x, y, or one number for both),
+`wavelength_nm`, `centre_mm` [2], `wavefront` (0 or 1), `comment` (lines of text). An NPY file needs to be told the
+unit; its rows are taken to lie in the same way.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def read_map_npz(path: Path, options: MapOptions) -> HeightMap:
         heights,
         "NPZ",
         unit_mm,
-        pitch_mm=found.pitch_mm(None if pitch is None or len(pitch) != 2 else (pitch[0], pitch[1])),
+        pitch_mm=found.pitch_mm(None if pitch is None or len(pitch) > 2 else (pitch[0], pitch[-1])),
         wavelength_nm=wavelength,
         kind=found.kind(kind),
         comment=comment,

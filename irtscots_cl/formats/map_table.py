@@ -279,7 +279,7 @@ def write_map_xyz(path: Path, height_map: HeightMap, unit: str = "nm") -> tuple[
     lines = [
         *_comments(height_map, unit),
         "# shape = {}, {}".format(*good.shape),
-        f"# x [mm], y [mm], height [{unit}]; invalid pixels are left out",
+        f"# columns = x [mm], y [mm], height [{unit}]; invalid pixels are left out",
     ]
     with replacing(path) as temporary, open(temporary, "w", encoding="ascii") as file:
         file.write("\n".join(lines) + "\n")

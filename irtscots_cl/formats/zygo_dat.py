@@ -38,6 +38,7 @@ INVALID = 2147483640  # and above
 INVALID_INTENSITY = 65412  # and above
 DEFAULT_WAVELENGTH_NM = 632.8
 COMMENT = slice(80, 162)  # text that ends with a 0
+MOST_COMMENT = 81  # characters of it
 SCALE_FACTORS = {SURFACE: 0.5, WAVEFRONT: 1.0}
 # Where the header's values are, and their types.
 _FIELDS = {
@@ -220,7 +221,10 @@ def write_zygo_dat(path: Path, height_map: HeightMap) -> tuple[str, ...]:
         "phase_res": (code,), "sign": (0,), "camera": (place.columns, place.rows),
     }.items():  # fmt: skip
         struct.pack_into(_FIELDS[name][1], header, _FIELDS[name][0], *values)
-    header[COMMENT] = "; ".join(height_map.comment or ("irtscots-cl",)).encode("ascii", "replace")[:81].ljust(82, b"\0")
+    comment = "; ".join(height_map.comment or ("irtscots-cl",)).encode("ascii", "replace")
+    if len(comment) > MOST_COMMENT:
+        notes = (*notes, f"the map's comment is cut to {MOST_COMMENT} characters")
+    header[COMMENT] = comment[:MOST_COMMENT].ljust(MOST_COMMENT + 1, b"\0")
     with replacing(path) as temporary:
         temporary.write_bytes(bytes(header) + intensity + counts.tobytes())
     quantum = scale * wavelength / COUNTS[code]

@@ -35,6 +35,8 @@ IDLE = ("the file tells no wavelength",)  # warnings of readers that do not matt
 ROWS = 256  # of nodes looked at together
 EXTREMES = 200  # nodes of each kind
 RIM_ANGLES = 64
+MAX_SLOPE = 1.0  # as of a design's aspheric terms
+LARGE_MM = 0.1  # heights beyond which a deviation's unit is doubtful
 
 
 class MapWarning(UserWarning):
@@ -162,7 +164,24 @@ def _departure(tables: tuple[MirrorMap, ...], stamps: tuple, aperture: Aperture)
                 continue
             warnings.warn(f"{_named(table, number)}: {text}", MapWarning, stacklevel=2)
         maps.append(placed_map(table, read, number, aperture))
-    return MapDeparture(tuple(maps), aperture.radius_mm)
+    departure = MapDeparture(tuple(maps), aperture.radius_mm)
+    for number, (table, placed, place) in enumerate(zip(tables, maps, departure._extremes, strict=True)):
+        _check_heights(placed, place, _named(table, number))
+    return departure
+
+
+def _check_heights(placed: PlacedMap, extremes: tuple[FloatArray, FloatArray], name: str) -> None:
+    """Refuse slopes that no mirror has, warn of heights that no deviation has: a wrong unit makes both."""
+    if not extremes[0].size:  # the map has a corner of the mirror's square, and the rest is made up
+        return
+    height, slope_x, slope_y = placed.at(*extremes)
+    slope, height_mm = float(np.hypot(slope_x, slope_y).max()), float(np.abs(height).max())
+    if not slope < MAX_SLOPE:
+        must = f"must be below {MAX_SLOPE:g} (unit, factor, pitch_mm, scale)"
+        raise problem(name, (), f"has slopes up to {slope:.3g} on the mirror: {must}")
+    if height_mm > LARGE_MM:
+        text = f"heights up to {height_mm:.3g} mm: a map is the deviation from the design; is its unit right?"
+        warnings.warn(f"{name}: {text}", MapWarning, stacklevel=2)
 
 
 def placed_map(table: MirrorMap, read: HeightMap, number: int, aperture: Aperture) -> PlacedMap:

@@ -19,7 +19,12 @@ if TYPE_CHECKING:
 
 PIECE_BYTES = 2**20
 # What the readers say of the command line's options, by the keys of a table that say the same.
-KEYS_OF_OPTIONS = {"--unit": "unit", "--pitch-mm": "pitch_mm", "--wavelength-nm": "wavelength_nm"}
+KEYS_OF_OPTIONS = {
+    "--unit": "unit", "--pitch-mm": "pitch_mm", "--wavelength-nm": "wavelength_nm", "--holds": "holds",
+    # a table has no key for these
+    "give --number": "write one to a file by irtscots convert --number",
+    "give --array": "write one to a file by irtscots convert --array",
+}  # fmt: skip
 
 _FACTOR = "a finite number within 1e6 on either side of 0"
 _SCALE = bounded(ge=1e-6, le=1e6)

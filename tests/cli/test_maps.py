@@ -63,6 +63,7 @@ def test_text(irtscots, mirror):
     assert (code, err) == (0, "")
     assert "surface, 101 x 101 pixels, 7845 of them valid, pixels of 1 x 1 mm, 632.8 nm" in out
     assert "piston, tilt, power, astigmatism" in out and "PVr" in out and "Power spectral density" in out
+    assert "Structure function" in out and "distance [mm]" in out
 
 
 def test_spectrum(irtscots, mirror):
@@ -103,6 +104,7 @@ def test_convert_rotates_counterclockwise_and_turns_heights_over(irtscots, lette
 def test_convert_says_what_is_lost(irtscots, letter, tmp_path):
     code, out, err = irtscots("convert", letter, tmp_path / "b.int")
     assert (code, err) == (0, "")
+    assert out.startswith(f"{tmp_path / 'b.int'}: codev, surface, 9 x 11 pixels")
     assert "a CODE V file holds no lateral scale" in out and "heights are rounded to 0.0061 nm" in out
     code, out, _ = irtscots("convert", letter, tmp_path / "b.DAT", "--format", "zemax", "--wavefront")
     assert code == 0 and "the wavefront is written as a surface of half its height" in out

@@ -161,3 +161,10 @@ def test_zernike_fits_that_are_refused(tmp_path):
     with pytest.raises(ValueError, match="0 Zernike terms: must be 1 to 120"):
         write_codev_zernike(tmp_path / "a.int", HeightMap(letter_map_nm() * 1e-6), 0)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_wavelength_in_other_units_is_warned_of(tmp_path):
+    found = read(tmp_path, codev(np.arange(12).reshape(3, 4), "SUR WVL 632.8 SSZ 1000 NDA -32768"))
+    assert "a wavelength of 632800 nm is unusual, and heights in waves go with it" in found.warnings
+    usual = read(tmp_path, codev(np.arange(12).reshape(3, 4), "SUR WVL 10.6 SSZ 1000 NDA -32768"))
+    assert not any("unusual" in text for text in usual.warnings)

@@ -128,3 +128,15 @@ def test_astropy_reads_what_is_written_and_is_read(tmp_path):
     image.writeto(tmp_path / "b.fits")
     found = read_map_fits(tmp_path / "b.fits", MapOptions(kind="surface"))
     np.testing.assert_allclose(found.heights_mm, VALUES * 1e-3, rtol=1e-7)
+
+
+@pytest.mark.parametrize(("number", "mm", "pitch"), [(1, 1e-6, 0.1), (2, 1e-6, 0.1), (3, 1e-3, 0.2)])
+def test_each_image_has_the_units_of_its_own_header(tmp_path, number, mm, pitch):
+    astropy = pytest.importorskip("astropy.io.fits")
+    units = astropy.HDUList([astropy.PrimaryHDU(np.stack([VALUES, 2 * VALUES])), astropy.ImageHDU(3 * VALUES)])
+    for unit, name, step in ((units[0], "nm", 0.1), (units[1], "um", 0.2)):
+        unit.header.update(BUNIT=name, MAPKIND="SURFACE", CUNIT1="mm", CUNIT2="mm", CDELT1=step, CDELT2=step)
+    units.writeto(tmp_path / "several.fits")
+    found = read_map_fits(tmp_path / "several.fits", MapOptions(number=number))
+    np.testing.assert_allclose(found.heights_mm, number * VALUES * mm, rtol=1e-15)
+    assert found.pitch_mm == pytest.approx((pitch, pitch))

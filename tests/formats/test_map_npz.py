@@ -70,3 +70,15 @@ def test_written_files_come_back_exactly(tmp_path):
     write_map_npy(tmp_path / "a.npy", given, "nm")
     np.testing.assert_allclose(np.load(tmp_path / "a.npy"), letter_map_nm(), rtol=1e-15)
     np.testing.assert_allclose(read_map_npy(tmp_path / "a.npy", MapOptions(unit="nm")).heights_mm, HEIGHTS, rtol=3e-16)
+
+
+def test_one_number_is_the_pitch_of_both_axes(tmp_path):
+    (tmp_path / "a.npz").write_bytes(npz(heights_mm=letter_map_nm() * 1e-6, pitch_mm=np.float64(0.1)))
+    assert read_map_npz(tmp_path / "a.npz", MapOptions()).pitch_mm == (0.1, 0.1)
+
+
+@pytest.mark.parametrize("number", [0, -1, 4])
+def test_maps_are_numbered_from_1(tmp_path, number):
+    (tmp_path / "a.npz").write_bytes(npz(heights_mm=np.zeros((3, 4, 5))))
+    with pytest.raises(ValueError, match=f"--number = {number}: must be 1 to 3"):
+        read_map_npz(tmp_path / "a.npz", MapOptions(number=number))

@@ -144,3 +144,11 @@ def test_comments_that_look_like_keys_stay_comments(tmp_path):
     write_map_csv(tmp_path / "a.csv", given)
     found = read_map_table(tmp_path / "a.csv", MapOptions())
     assert (found.comment, found.kind) == (given.comment, "surface")
+
+
+def test_the_comment_stays_the_same_however_often_points_are_written(tmp_path):
+    found = HeightMap(letter_map_nm() * 1e-6, (0.1, 0.1), comment=("of a letter",))
+    for _ in range(2):
+        write_map_xyz(tmp_path / "a.xyz", found)
+        found = read_map_table(tmp_path / "a.xyz", MapOptions())
+    assert found.comment == ("of a letter",)

@@ -175,3 +175,10 @@ def test_written_large_heights_and_what_is_refused(tmp_path):
     with pytest.raises(ValueError, match="one pitch for both"):
         write_zygo_dat(path, HeightMap(np.ones((2, 2)), (0.1, 0.2), 632.8))
     assert "632.8 nm is written" in write_zygo_dat(path, HeightMap(letter_map_nm() * 1e-6))[0]
+
+
+def test_a_comment_that_is_cut_is_said(tmp_path):
+    for length, said in ((81, False), (82, True)):
+        notes = write_zygo_dat(tmp_path / "a.dat", HeightMap(np.zeros((2, 2)), (1.0, 1.0), comment=("x" * length,)))
+        assert ("the map's comment is cut to 81 characters" in notes) == said
+        assert read_zygo_dat(tmp_path / "a.dat", MapOptions()).comment == ("x" * 81,)

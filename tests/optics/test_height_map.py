@@ -323,3 +323,13 @@ def test_tables_of_several_maps_follow_each_other():
     first, second = packed.values["map"]["grid"]
     assert first["offset"] == 1 and second["offset"] == 1 + (first["rows"] + 2) * first["stride"]
     assert len(packed.tables) == second["offset"] + (second["rows"] + 2) * second["stride"]
+
+
+def test_slopes_of_no_mirror_are_refused_and_heights_of_no_deviation_warned_of():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        departure_of(MirrorMap(heights=bumps(), factor=9e3))  # 0.09 mm
+    with pytest.warns(MapWarning, match=r"heights up to 0\.11 mm: .*is its unit right\?"):
+        departure_of(MirrorMap(heights=bumps(), factor=1.1e4))
+    with pytest.raises(SceneError, match=r"has slopes up to \S+ on the mirror: must be below 1 \(unit"):
+        departure_of(MirrorMap(heights=bumps(), factor=9.9e5))

@@ -167,3 +167,12 @@ def test_loading_a_scene_with_a_map_needs_no_numpy(tmp_path):
     path = written(tmp_path)
     loaded = loaded_modules(f"from irtscots_cl.scene.presets import load_scene; load_scene({str(path)!r})")
     assert "irtscots_cl.scene.model" in loaded and "numpy" not in loaded
+
+
+def test_what_only_the_command_line_can_tell_is_said_so(tmp_path):
+    np.savez(tmp_path / "week.npz", heights_mm=np.zeros((3, 4, 5)))
+    with pytest.raises(SceneError, match="write one to a file by irtscots convert --number, from 1 to 3"):
+        MirrorMap(file=str(tmp_path / "week.npz")).read(0)
+    write_map(tmp_path / "week.npz", heights())
+    with pytest.raises(SceneError, match="holds a surface, told a wavefront: leave holds out"):
+        MirrorMap(file=str(tmp_path / "week.npz"), holds="wavefront").read(0)
