@@ -123,14 +123,15 @@ def _linear_to(usual: float, height_mm: FloatArray, up_down_mm: FloatArray) -> f
 
 def _of_process(procedure: Procedure, source: Source, draws: int) -> Sensitivity:
     design, usual = procedure.design, source.usual
-    first, second = (source.changes_mm(design, usual, Draw(0, k)) for k in range(2))
-    if first.any() and np.array_equal(first, second):  # it takes no random numbers
+    two = [source.changes_mm(design, usual, Draw(0, k)) for k in range(2)]
+    if two[0].any() and np.array_equal(*two):  # it takes no random numbers
         draws = 2
+
+    def places(k: int) -> FloatArray:
+        return two[k] if k < 2 else source.changes_mm(design, usual, Draw(0, k))
+
     heights = np.concatenate([
-        design.response.heights_mm(
-            np.stack([source.changes_mm(design, usual, Draw(0, k)) for k in range(first, min(first + DRAWS, draws))])
-        )
-        / usual
+        design.response.heights_mm(np.stack([places(k) for k in range(first, min(first + DRAWS, draws))])) / usual
         for first in range(0, draws, DRAWS)
     ])  # fmt: skip
     heights = procedure.of_draws(source, heights)
