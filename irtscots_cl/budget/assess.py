@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from irtscots_cl.budget.ledger import Ledger, ledger
 from irtscots_cl.budget.linear import LinearBudget, linear_budget
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.budget.monte_carlo import MonteCarlo, monte_carlo
+from irtscots_cl.budget.monte_carlo import MonteCarlo, Workers, monte_carlo
 from irtscots_cl.budget.sensitivity import DRAWS, MANY_DRAWS, Sensitivity, sensitivities
 from irtscots_cl.budget.sources import known_sources
 from irtscots_cl.budget.tolerances import QuadraticError, Tolerances, tolerances
@@ -44,13 +44,18 @@ class ErrorBudget:
 
 
 def assess(
-    scene: Scene | Setup, budget: Budget | None = None, trial: int = 0, done: Callable[[int], None] = lambda count: None
+    scene: Scene | Setup,
+    budget: Budget | None = None,
+    trial: int = 0,
+    done: Callable[[int], None] = lambda count: None,
+    workers: Workers | None = None,
 ) -> ErrorBudget:
     """The error budget of a scene's design. Needs no device.
 
     budget: by default the scene's own. trial: whose ledger is made. done: called with the number of finished trials.
-    Raises SceneError for an unknown source, a set-up without light or fewer than two trials that can be measured,
-    ValueError for a trial that there is not.
+    workers: who work on the trials, as for monte_carlo; all else is done here. Raises SceneError for an unknown source,
+    a set-up without light or fewer than two trials that can be measured, ValueError for a trial that there is not, and
+    the errors of the workers.
     """
     setup = Setup.of(scene)
     budget = budget or setup.scene.budget or Budget()
@@ -70,7 +75,8 @@ def assess(
     allowed = None
     if budget.allow_nm is not None:
         allowed = tolerances(QuadraticError(design, own, budget.sources, joint=trials.joint), budget.allow_nm)
-    linear, spread = linear_budget(design, own, budget.sources, trials.joint), monte_carlo(trials, done)
+    linear = linear_budget(design, own, budget.sources, trials.joint)
+    spread = monte_carlo(trials, done, workers)
     try:
         rows, why = ledger(trials, trial), ""
     except NotMeasuredError as error:

@@ -1,25 +1,34 @@
 """Everything at once, many times: the height errors of all trials of a budget.
 
-Trials are worked on in blocks of fixed size, so that sums have the same bits however often they are made; memory does
-not grow with the number of trials. A trial that cannot be measured has failed: it counts as worse than all others.
+Trials are worked on in blocks of fixed size (trial_blocks.py), here or by other processes, so that sums have the same
+bits however often they are made; memory grows by some numbers for each trial, not by its map. A trial that cannot be
+measured has failed: it counts as worse than all others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Iterable
+from contextlib import closing
 from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 
 from irtscots_cl.budget.measured_design import NOLLS
-from irtscots_cl.budget.sensitivity import NM, zernike_coefficients
-from irtscots_cl.budget.trials import NotMeasuredError, Trials
+from irtscots_cl.budget.trial_blocks import TrialBlock, block_count, block_of, trials_to
+from irtscots_cl.budget.trials import Trials
+from irtscots_cl.budget.trials_text import block_of_text, trials_text
 from irtscots_cl.calibration.height_response import LEFT_AFTER
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
-BLOCK = 16  # trials measured together
+
+class Workers(Protocol):
+    """Other processes that work on tasks."""
+
+    def in_order(self, function: Callable[..., Any], items: Iterable[Any], *arguments: Any) -> Generator[Any]:
+        """Results of function(*arguments, item) of all items, in their order."""
 
 
 @dataclass(frozen=True)
@@ -61,27 +70,28 @@ class MonteCarlo:
         return np.isfinite(self.rms_nm).all(-1)
 
 
-def monte_carlo(trials: Trials, done: Callable[[int], None] = lambda count: None) -> MonteCarlo:
+def monte_carlo(
+    trials: Trials, done: Callable[[int], None] = lambda count: None, workers: Workers | None = None
+) -> MonteCarlo:
     """All trials of a budget. done: called with the number of finished trials.
 
-    Raises SceneError if fewer than two trials can be measured.
+    workers: who work on the blocks, such as irtscots_cl.execution.dask.workers.Workers; this process by default. Sums
+    are added up here, in the order of the blocks, so that on equal machines the bits do not depend on the workers.
+    Raises SceneError if fewer than two trials can be measured, and the errors of the workers.
     """
     design, count = trials.design, trials.budget.trials
     rms, terms = np.full((count, len(LEFT_AFTER)), np.inf), np.full((count, len(NOLLS)), np.nan)
     lost = np.full(count, np.nan)
     total, squares = np.zeros(design.count), np.zeros(design.count)
     failed: dict[int, str] = {}
-    for first in range(0, count, BLOCK):
-        interruption.check()
-        numbers, heights, lost_of = _measured(trials, range(first, min(first + BLOCK, count)), failed)
-        if numbers:
-            lost[numbers] = lost_of
-            rms[numbers] = design.response.left(heights) * NM
-            terms[numbers] = zernike_coefficients(design, heights) * NM
-            without = design.response.without(heights, LEFT_AFTER[0])
-            total += without.sum(0)
-            squares += (without**2).sum(0)
-        done(min(first + BLOCK, count))
+    with closing(_blocks(trials, workers)) as blocks:
+        for k, block in enumerate(blocks):
+            rms[block.numbers], terms[block.numbers] = block.rms_nm, block.zernike_nm
+            lost[block.numbers] = block.lost
+            total += block.sum_mm
+            squares += block.squares_mm2
+            failed |= block.failed
+            done(trials_to(trials, k))
     measured = count - len(failed)
     if measured < 2:
         first, why = next(iter(failed.items()))
@@ -94,17 +104,12 @@ def monte_carlo(trials: Trials, done: Callable[[int], None] = lambda count: None
     return MonteCarlo(rms, terms, lost, mean, np.sqrt(variance), failed)
 
 
-def _measured(
-    trials: Trials, numbers: Sequence[int], failed: dict[int, str]
-) -> tuple[list[int], FloatArray, FloatArray]:
-    """The trials of some numbers that can be measured, their heights [trials, n] and lost shares; the others go to
-    ``failed``."""
-    try:
-        return list(numbers), *trials.heights_and_lost([(number, None) for number in numbers])
-    except NotMeasuredError as error:
-        if len(numbers) == 1:
-            failed[numbers[0]] = str(error)
-            return [], np.zeros((0, trials.design.count)), np.zeros(0)
-    alone = [_measured(trials, [number], failed) for number in numbers]
-    measured, heights, lost = zip(*alone, strict=True)
-    return [number for one in measured for number in one], np.concatenate(heights), np.concatenate(lost)
+def _blocks(trials: Trials, workers: Workers | None) -> Generator[TrialBlock]:
+    """All blocks, in order."""
+    numbers = range(block_count(trials))
+    if workers is not None:
+        yield from workers.in_order(block_of_text, numbers, trials_text(trials))
+        return
+    for number in numbers:
+        interruption.check()
+        yield block_of(trials, number)

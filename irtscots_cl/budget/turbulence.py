@@ -66,7 +66,7 @@ def _changes(design: MeasuredDesign, tilts: FloatArray, step_mm: float, wind_mm:
                     np.rint((place[:, None] - by * number) / step_mm).astype(np.intp) % size
                     for place, by in zip((x, y), wind_mm, strict=True)
                 )
-                seen = np.einsum("nk,nkc->cn", weights, slope[row * size + column])
+                seen = np.einsum("nk,nkc->cn", weights, slope.take(row * size + column, axis=0))
                 found[axis] += parts[leg] * np.einsum("cn,cn->n", bends.levers_mm[layer, leg, :, axis], seen)
     return found
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from irtscots_cl.cli.common import DEVICE_HELP, add_scene, command, print_json, print_tables, warn
+from irtscots_cl.cli.common import DEVICE_HELP, add_scene, command, print_json, print_tables, warn, workers_argument
 from irtscots_cl.cli.progress import Progress, add_quiet
 from irtscots_cl.scene.presets import load_scene
 
@@ -38,6 +38,12 @@ def add(commands) -> None:
         "source, and what to calibrate first; default: the scene's",
     )
     add_quiet(parser)
+    parser.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="address of a Dask scheduler, such as tcp://host:8786, whose workers work on the trials instead; they "
+        "need no device and no calibration report (needs irtscots-cl[dask])",
+    )
     parser.add_argument(
         "--images",
         action="store_true",
@@ -94,8 +100,10 @@ def _execute(options: argparse.Namespace) -> int:
         if not 0 < options.allow_nm <= 1e9:
             raise ValueError(f"--allow-nm = {options.allow_nm}: must be a number above 0 and at most 1e9")
         budget = replace(budget, allow_nm=options.allow_nm)
-    with Progress("trials", options.quiet, "trials") as progress:
-        found = assess(scene, budget, options.trial, lambda count: progress(count, budget.trials))
+    if options.dask is not None and not (budget.sources or budget.calibrated):
+        raise ValueError("--dask: must have a scene with error sources: give them in [budget.sources]")
+    with workers_argument(options.dask) as where, Progress("trials", options.quiet, "trials") as progress:
+        found = assess(scene, budget, options.trial, lambda count: progress(count, budget.trials), **where)
     for text in stray_warnings(found.ray_noise):
         warn(text)
     facts = budget_facts(found)
@@ -129,7 +137,7 @@ def _check(options: argparse.Namespace) -> None:
     if options.wavelength_nm is not None and not 1 <= options.wavelength_nm <= 1e6:
         raise ValueError(f"--wavelength-nm = {options.wavelength_nm}: must be from 1 to 1e6")
     if options.result is not None:
-        for name in ("trials", "allow_nm", "images", "out"):
+        for name in ("trials", "allow_nm", "dask", "images", "out"):
             if getattr(options, name) not in (None, False):
                 raise ValueError(f"--{name.replace('_', '-')}: must be left out with --result")
 

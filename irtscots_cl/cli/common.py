@@ -143,6 +143,19 @@ def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
         yield {"client": DaskExecutor(client)}
 
 
+@contextmanager
+def workers_argument(address: str | None) -> Iterator[dict[str, object]]:
+    """The argument workers= of `assess`, from --dask; without it none."""
+    if address is None:
+        yield {}
+        return
+    from irtscots_cl.execution.dask.workers import Workers, connect
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # as in site_arguments
+    with connect(address) as client:
+        yield {"workers": Workers(client)}
+
+
 LAB_MEASURE = "likelihood"  # methods.BEST, without NumPy
 
 

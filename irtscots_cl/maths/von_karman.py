@@ -7,6 +7,8 @@ plane.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.fft import fftfreq, ifft2
@@ -46,13 +48,21 @@ def waves(
     numbers: [size, size] complex, each part standard normal. smooth_mm: standard deviation along each axis of the
     Gaussian over which the fields are averaged.
     """
-    size = len(numbers)
+    amplitude, k = _amplitude(len(numbers), step_mm, outer_scale_mm, smooth_mm)
+    return numbers * amplitude, k
+
+
+@lru_cache(maxsize=1)
+def _amplitude(size: int, step_mm: float, outer_scale_mm: float, smooth_mm: float) -> tuple[FloatArray, FloatArray]:
+    """Factor [size, size] on the random numbers of waves, and wave numbers [size]: the same in all draws."""
     k = 2 * np.pi * fftfreq(size, step_mm)
     square = k[:, None] ** 2 + k**2
     density = spectrum(np.sqrt(square), outer_scale_mm) * (2 * np.pi / (size * step_mm)) ** 2
     density[0, 0] = 0.0  # the mean
     amplitude = np.sqrt(density) * np.exp(-square * smooth_mm**2 / 2) * size**2  # ifft2 divides by size^2
-    return numbers * amplitude, k
+    for array in (amplitude, k):
+        array.setflags(write=False)
+    return amplitude, k
 
 
 def fields(

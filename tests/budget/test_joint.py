@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
+from small_budget import CALIBRATED as NAMES
+from small_budget import calibration_report as report
 from small_budget import small_scene
 
 from irtscots_cl.budget.assess import own_sensitivities
@@ -19,20 +19,6 @@ from irtscots_cl.budget.trials import Trials
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.validation import SceneError
-
-NAMES = ("camera.x_mm", "screen.x_mm")
-
-
-def report(tmp_path, correlation: float, names=NAMES, sigma: float = 0.1):
-    """A made report of a calibration with that covariance, and a figure term that is no error of the geometry."""
-    covariance = np.zeros((3, 3))
-    covariance[:2, :2] = sigma**2 * np.array([[1, correlation], [correlation, 1]])
-    covariance[2, 2] = 1.0
-    unknowns = [{"name": name} for name in (*names, "zernike.5_um")]
-    facts = {"measurements": [{"name": "a"}], "unknowns": unknowns, "covariance": covariance.tolist()}
-    path = tmp_path / "report.json"
-    path.write_text(json.dumps(facts))
-    return str(path)
 
 
 def trials_of(path: str, count: int = 64, sources=None):

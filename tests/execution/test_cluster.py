@@ -7,7 +7,6 @@ import logging
 import os
 import pickle
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -17,12 +16,11 @@ import pytest
 
 distributed = pytest.importorskip("distributed", reason="pip install 'irtscots-cl[dask]'")
 
+from dask_clusters import addresses, at, be_impatient, program, run_other_code, shell_cluster, start  # noqa: E402
 from scenes import coarse  # noqa: E402
 
 from irtscots_cl.cli import main  # noqa: E402
 from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted  # noqa: E402
-from irtscots_cl.execution.dask import run as dask_run  # noqa: E402
-from irtscots_cl.execution.dask import same_code, workers  # noqa: E402
 from irtscots_cl.execution.dask.cluster import DaskExecutor  # noqa: E402
 from irtscots_cl.execution.dask.run import MIN_TASK_SECONDS, TASK_SECONDS, ClusterRun  # noqa: E402
 from irtscots_cl.execution.dask.same_code import CodeError  # noqa: E402
@@ -47,10 +45,6 @@ ROOT = Path(__file__).parents[2]
 MANY = 3000  # rays of a task, where there are to be many
 
 
-def start(workers):
-    return distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0")
-
-
 @pytest.fixture(scope="module")
 def two():
     """A client of two workers, for tests that leave them as they are."""
@@ -67,20 +61,13 @@ def fresh():
 
 @pytest.fixture
 def impatient(monkeypatch):
-    for name, seconds in (("WAIT_SECONDS", 0.5), ("POLL_SECONDS", 0.1), ("CONNECT_SECONDS", 0.5)):
-        for module in (workers, dask_run):
-            if hasattr(module, name):
-                monkeypatch.setattr(module, name, seconds)
+    be_impatient(monkeypatch)
 
 
 def assert_same(far, near):
     for axis in ("x", "y"):
         np.testing.assert_array_equal(far.line_flux_w(axis), near.line_flux_w(axis))
     assert far.ledger == near.ledger
-
-
-def addresses(client):
-    return sorted(client.nthreads())
 
 
 # --- functions that tests run on workers -------------------------------------------------------------------
@@ -99,10 +86,6 @@ def break_device(after):
         return whole(self, *arguments)
 
     DeviceTracer.launch = launch
-
-
-def run_other_code():
-    same_code.code_hash = lambda: "other"
 
 
 def have_no_device():
@@ -172,18 +155,6 @@ def test_sums_are_not_added_into_an_input():
 
 
 # --- workers that come, go and fail ------------------------------------------------------------------------
-
-
-def at(share, then):
-    """A progress function that calls then() once, when that share of the rays is done."""
-    called = []
-
-    def progress(done, total):
-        if done >= share * total and not called:
-            called.append(True)
-            then()
-
-    return progress
 
 
 def test_a_killed_worker_s_work_is_done_by_the_others(device, fresh):
@@ -298,35 +269,16 @@ def test_tasks_are_longer_where_sums_are_large_or_workers_many(two, monkeypatch)
 # --- from the shell ----------------------------------------------------------------------------------------
 
 
-def program(*arguments, **environment):
-    return subprocess.Popen([sys.executable, "-m", *arguments], env=os.environ | environment, text=True,
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)  # fmt: skip
-
-
 @pytest.fixture
-def shell_cluster(tmp_path):
-    """A scheduler and two workers by Dask's commands: the address, and where one of the workers has no device."""
-    file = tmp_path / "scheduler.json"
-    started = [program("dask", "scheduler", "--port", "0", "--no-dashboard", "--host", "127.0.0.1",
-                       "--scheduler-file", str(file))]  # fmt: skip
-    while not file.exists():
-        assert started[0].poll() is None, started[0].communicate()
-        time.sleep(0.05)
-    address = json.loads(file.read_text())["address"]
-
-    def worker(**environment):
-        started.append(program("dask", "worker", address, "--nthreads", "1", "--no-dashboard", "--local-directory",
-                               str(tmp_path), **environment))  # fmt: skip
-
-    yield address, worker
-    for process in reversed(started):  # workers before the scheduler, or they wait for it
-        process.terminate()
-        process.communicate(timeout=30)
+def shell(tmp_path):
+    """A scheduler by Dask's command and what starts its workers."""
+    with shell_cluster(tmp_path) as found:
+        yield found
 
 
 @pytest.mark.slow
-def test_run_and_paths_on_a_cluster_from_the_shell(device, shell_cluster, tmp_path, capsys, caplog):
-    address, worker = shell_cluster
+def test_run_and_paths_on_a_cluster_from_the_shell(device, shell, tmp_path, capsys, caplog):
+    address, worker = shell
     scene, out = str(tmp_path / "scene.toml"), str(tmp_path / "out")
     (tmp_path / "scene.toml").write_text(coarse().to_toml())
     run = ["run", scene, "--dask", address, "--out", out, "--rays-per-pixel", "600", "--replicates", "2", "--seed", "5"]
@@ -350,8 +302,8 @@ def test_run_and_paths_on_a_cluster_from_the_shell(device, shell_cluster, tmp_pa
 
 
 @pytest.mark.parametrize("with_worker", [False, True], ids=["waiting for a worker", "tracing"])
-def test_a_signal_ends_a_run_on_a_cluster(device, shell_cluster, tmp_path, with_worker):
-    address, worker = shell_cluster
+def test_a_signal_ends_a_run_on_a_cluster(device, shell, tmp_path, with_worker):
+    address, worker = shell
     (tmp_path / "scene.toml").write_text(coarse().to_toml())
     if with_worker:
         worker()

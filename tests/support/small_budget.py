@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+
+import numpy as np
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.trials import Trials
@@ -33,4 +36,19 @@ def small_scene(pixels: int = 41, preset: str = "sphere") -> Scene:
 def small_trials(trials: int = 8, sources=SOURCES, seed: int = 1, pixels: int = 41, **more) -> Trials:
     """more: further keys of the budget."""
     budget = Budget(sources=dict(sources), trials=trials, seed=seed, **more)
-    return Trials.of(MeasuredDesign.of(Setup(small_scene(pixels)), budget.fringes), budget)
+    return Trials.of(MeasuredDesign.of_budget(Setup(small_scene(pixels)), budget), budget)
+
+
+CALIBRATED = ("camera.x_mm", "screen.x_mm")
+
+
+def calibration_report(tmp_path, correlation: float, names=CALIBRATED, sigma: float = 0.1):
+    """A made report of a calibration with that covariance, and a figure term that is no error of the geometry."""
+    covariance = np.zeros((3, 3))
+    covariance[:2, :2] = sigma**2 * np.array([[1, correlation], [correlation, 1]])
+    covariance[2, 2] = 1.0
+    unknowns = [{"name": name} for name in (*names, "zernike.5_um")]
+    facts = {"measurements": [{"name": "a"}], "unknowns": unknowns, "covariance": covariance.tolist()}
+    path = tmp_path / "report.json"
+    path.write_text(json.dumps(facts))
+    return str(path)

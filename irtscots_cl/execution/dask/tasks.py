@@ -1,7 +1,7 @@
-"""Tasks of a trace on many machines, for the workers of a Dask cluster.
+"""Tasks for the workers of a Dask cluster: parts of a trace, and functions that need a device, or none.
 
-A task is a function of plain values: the scene as TOML, how to trace it, a replicate and a part of its rays. Its result
-is whole numbers, so tasks may run anywhere, again and in any order.
+A task of a trace is a function of plain values: the scene as TOML, how to trace it, a replicate and a part of its
+rays. Its result is whole numbers, so tasks may run anywhere, again and in any order.
 """
 
 from __future__ import annotations
@@ -92,6 +92,16 @@ def call_on_device(code: str, function: Callable[..., Any], arguments: Sequence[
             return function(select_devices()[0], *arguments)
     except DeviceError as error:
         raise WorkerError(address, str(error)) from None
+
+
+def call(code: str, function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
+    """The task that is a function of plain values; no device. Raises CodeError; a ValueError says which worker's."""
+    address = check_code(code)
+    try:
+        with _guard:
+            return function(*arguments)
+    except ValueError as error:
+        raise ValueError(f"--dask: worker {address}: {error}") from None
 
 
 _guard = threading.Lock()

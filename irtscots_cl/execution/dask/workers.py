@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections import deque
+from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from irtscots_cl.execution.dask.same_code import CodeError, code_differs, code_hash, greet
+from irtscots_cl.execution.dask.tasks import call
 from irtscots_cl.opencl.device import DeviceError
+from irtscots_cl.system import interruption
 from irtscots_cl.system.interruption import wait_for
 
 CONNECT_SECONDS = 10.0
 WAIT_SECONDS = 60.0  # for a worker, where there is none
 POLL_SECONDS = 1.0  # between looks at which workers there are
 TASKS_PER_THREAD = 2  # in flight, so that a worker need not wait for the next one
+AHEAD_PER_THREAD = 4  # results in order: in flight, or made and not yet wanted
 
 
 def connect(address: str) -> Any:
@@ -53,6 +60,37 @@ class Workers:
             if said["code"] != code_hash():
                 raise CodeError(code_differs(address))
 
+    def in_order(self, function: Callable[..., Any], items: Iterable[Any], *arguments: Any) -> Generator[Any]:
+        """Results of function(*arguments, item) of all items, in their order.
+
+        At most AHEAD_PER_THREAD results for each thread of the workers are made before it is their turn; they stay
+        where they were made until then. What a lost worker had is made again elsewhere. Raises CodeError, DeviceError
+        where no worker is left or the scheduler is gone, and what the function raises, a ValueError with the worker's
+        address before it. Closing the generator cancels what has not run.
+        """
+        code, watch, ended = code_hash(), WorkerWatch(self), SimpleQueue[None]()
+        rest, out = deque(items), deque[Any]()
+        try:
+            with interruption.waking(lambda: ended.put(None)):
+                while rest or out:
+                    interruption.check()
+                    watch.look()
+                    while rest and len(out) < AHEAD_PER_THREAD * sum(watch.threads.values()):
+                        out.append(self.submit(call, code, function, (*arguments, rest.popleft())))
+                        out[-1].add_done_callback(lambda _: ended.put(None))
+                    if out and out[0].status not in ("pending", "lost"):
+                        yield self._result(out.popleft())
+                        continue
+                    with suppress(Empty):
+                        ended.get(timeout=POLL_SECONDS)
+        finally:
+            self.cancel(out)
+
+    def _result(self, future: Any) -> Any:
+        if (error := self.failure(future)) is not None:
+            raise error
+        return self.fetch(future)
+
     def submit(self, function: Callable[..., Any], *arguments: Any, only: Iterable[str] | None = None) -> Any:
         """The future of a task on these workers, or on any."""
         return self.client.submit(function, *arguments, pure=False, workers=None if only is None else list(only))
@@ -83,8 +121,11 @@ class Workers:
         return error
 
     def fetch(self, future: Any) -> Any:
-        """The result of a task that has ended well, from the worker that has it."""
-        return wait_for(lambda: self.client.gather(future, direct=True))
+        """The result of a task that has ended well, from the worker that has it; DeviceError without scheduler."""
+        try:
+            return wait_for(lambda: self.client.gather(future, direct=True))
+        except CancelledError:
+            raise self.lost() from None
 
     def cancel(self, futures: Iterable[Any]) -> None:
         """Cancel tasks; those that run go on to their end."""
