@@ -187,6 +187,7 @@ class Findings:
     where: str
     told: MapOptions
     warnings: list[str] = field(default_factory=list)
+    replaced: str = ""  # what is said of a pitch that another one replaces
 
     def wavelength_nm(self, found: float | None, needed: bool = False) -> float | None:
         """The wavelength: the file's, or the one told. found: None or 0 for an unknown one."""
@@ -219,9 +220,7 @@ class Findings:
                 self.warnings.append("the file tells no lateral scale: give --pitch-mm")
             return told
         if told is not None and any(abs(t - f) > 1e-6 * f for t, f in zip(told, found, strict=True)):
-            self.warnings.append(
-                f"pitch of {told[0]:g} x {told[1]:g} mm as told; the file has {found[0]:g} x {found[1]:g}"
-            )
+            self.replaced = f"pitch of {told[0]:g} x {told[1]:g} mm as told; the file has {found[0]:g} x {found[1]:g}"
         return told or found
 
     def unit_mm(self, found: str | None, wavelength_nm: float | None) -> float:
@@ -269,6 +268,9 @@ class Findings:
 
     def build(self, values: FloatArray, origin: str, unit_mm: float = 1.0, **others: Any) -> HeightMap:
         """The map of values in a unit. Raises ValueError, with the file's name, for what no map can be."""
+        x, y = others.get("centre_mm", (0.0, 0.0))
+        if self.replaced:
+            self.warnings.append(self.replaced + (f", and its centre stays at {x:g}, {y:g} mm" if x or y else ""))
         with np.errstate(all="ignore"):  # what overflows is infinite, and no height
             heights_mm = values * unit_mm
         try:

@@ -152,3 +152,10 @@ def test_the_comment_stays_the_same_however_often_points_are_written(tmp_path):
         write_map_xyz(tmp_path / "a.xyz", found)
         found = read_map_table(tmp_path / "a.xyz", MapOptions())
     assert found.comment == ("of a letter",)
+
+
+def test_a_pitch_that_is_replaced_leaves_the_centre_and_says_so(tmp_path):
+    text = "# unit = nm\n# kind = surface\n# wavelength_nm = 500\n# first_row = top\n# pitch_mm = 1, 1\n{}1,2\n3,4\n"
+    for centre, said in (("# centre_mm = 5, -3\n", ", and its centre stays at 5, -3 mm"), ("", "")):
+        found = read(tmp_path, text.format(centre), pitch_mm=(2.0, 2.0))
+        assert found.warnings == (f"pitch of 2 x 2 mm as told; the file has 1 x 1{said}",)
