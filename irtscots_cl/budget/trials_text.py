@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -56,12 +55,15 @@ def trials_of_text(text: str) -> Trials:
     return replace(Trials.of(design, budget), joint=Joint(names, np.array(told["root"])) if names else NONE)
 
 
-_kept = lru_cache(maxsize=1)(trials_of_text)  # with all that was derived from them
+_kept: dict[str, Trials] = {}  # those of the last text, with all that was derived from them
 
 
 def block_of_text(text: str, block: int) -> TrialBlock:
     """A block of the trials of a text, which are made once in a process."""
-    return block_of(_kept(text), block)
+    if text not in _kept:
+        _kept.clear()  # first: there is never memory for two
+        _kept[text] = trials_of_text(text)
+    return block_of(_kept[text], block)
 
 
 def _seen(setup: Setup, step: int, mask: str) -> SeenPixels:

@@ -94,7 +94,7 @@ def test_an_outline_whose_picture_is_gone_is_one_line(tmp_path):
 def test_a_process_makes_the_trials_once(monkeypatch):
     text, made = trials_text(small_trials(40, pixels=31)), []
     monkeypatch.setattr(Trials, "of", lambda *given, _of=Trials.of: made.append(given) or _of(*given))
-    module._kept.cache_clear()
+    module._kept.clear()
     for block in (0, 2, 1):
         block_of_text(text, block)
     assert len(made) == 1 and json.loads(text)["step"] == 1
