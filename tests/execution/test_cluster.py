@@ -301,6 +301,16 @@ def test_run_and_paths_on_a_cluster_from_the_shell(device, shell, tmp_path, caps
     assert json.loads(capsys.readouterr().out)["device"]["workers"]
 
 
+def wait_until(address: str, is_so) -> None:
+    """Until a function of the scheduler is true, for at most a minute."""
+    with distributed.Client(address, set_as_default=False) as client:
+        for _ in range(240):
+            if client.run_on_scheduler(is_so):
+                return
+            time.sleep(0.25)
+    raise AssertionError("not within a minute")
+
+
 @pytest.mark.parametrize("with_worker", [False, True], ids=["waiting for a worker", "tracing"])
 def test_a_signal_ends_a_run_on_a_cluster(device, shell, tmp_path, with_worker):
     address, worker = shell
@@ -311,7 +321,11 @@ def test_a_signal_ends_a_run_on_a_cluster(device, shell, tmp_path, with_worker):
             client.wait_for_workers(1)
     run = program("irtscots_cl", "run", str(tmp_path / "scene.toml"), "--dask", address, "--out", str(tmp_path / "out"),
                   "--rays-per-pixel", str(2**34), "--replicates", "2", "--quiet", PYTHONPATH=str(ROOT))  # fmt: skip
-    time.sleep(8 if with_worker else 4)
+    wait_until(
+        address,  # lambdas: they travel by value, as the scheduler has no tests
+        (lambda dask_scheduler: any("trace_block" in str(key) for key in dask_scheduler.tasks)) if with_worker
+        else (lambda dask_scheduler: len(set(dask_scheduler.clients) - {"fire-and-forget"}) > 1),
+    )  # fmt: skip
     run.send_signal(signal.SIGTERM)
     started = time.monotonic()
     out, err = run.communicate(timeout=60)
