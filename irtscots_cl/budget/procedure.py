@@ -39,8 +39,7 @@ class Procedure:
 
     @classmethod
     def of(cls, design: MeasuredDesign, budget: Budget) -> Procedure:
-        """Raises SceneError for an unknown compensator, or turns of a mirror that is another one when turned: no surface
-        of revolution, or of another outline."""
+        """Raises SceneError for an unknown compensator, or turns of a mirror that is not the same one when turned."""
         scene = design.setup.scene
         for name in budget.compensators:
             try:

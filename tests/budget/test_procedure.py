@@ -114,7 +114,7 @@ def test_without_any_nothing_is_changed(design):
 
 
 def test_turns_need_an_outline_that_turns_into_itself():
-    """A hexagon does after a sixth of a turn: three turns leave no coma of it, and of five some see beyond its sides."""
+    """A hexagon does after a third of a turn, whose mean leaves no coma, and not after a fifth."""
     hexagon = replace(small_scene(31).mirror, outline=Outline(shape="hexagon", across_flats_mm=900.0))
     design = MeasuredDesign.of(Setup(replace(small_scene(31), mirror=hexagon)))
     left = own_sensitivities(trials_of(design, {"camera.x_mm": 0.1}, mirror_turns=3))["camera.x_mm"].left_nm
