@@ -68,8 +68,8 @@ def test_intervals_hold_the_truth():
 
 @pytest.mark.parametrize("size", [0.0, 0.3, 3.0])
 def test_peaks_to_valleys_hold_the_truth(size):
-    """Of a perfect mirror, and of ones that deviate by less and more than the errors: at least 95 % of 40 tests, but for
-    4 sigma. Errors make every peak to valley larger: of a perfect one none may be said to be above 0."""
+    """Of a perfect mirror, and of ones that deviate by less and more than the errors: 95 % of 40 tests or more, but for
+    4 sigma."""
     samples, truth, measured = trials_of(40, draws=64)
     terms = np.linalg.lstsq(samples.design.zernike_basis, truth)[0] * size * 1e6
     for nolls in PEAKS.values():
