@@ -48,11 +48,12 @@ class Quantisation:
     kind: Kind = Kind.PROCESS
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
-        """Changes (du, dv) [2, n] of the places in one trial."""
+        """Changes (du, dv) [2, n] of the places in one trial; NaN for a pixel without light in any frame of an axis."""
         bias, rms = [], []
         for signal, weights in zip(design.frames.signal, design.frames.of_addition, strict=True):
             dark = signal < value / 2
-            bias.append(-np.sum(np.where(dark, signal * weights, 0.0), -1))
+            lost = np.where(dark.all(-1), np.nan, 0.0)
+            bias.append(lost - np.sum(np.where(dark, signal * weights, 0.0), -1))
             rms.append(value * ROUNDING * np.sqrt(np.sum(np.where(dark, 0.0, weights) ** 2, -1)))
         found: FloatArray = np.stack(bias) + np.stack(rms) * draw.normal(self.name, 2, design.count)
         return found

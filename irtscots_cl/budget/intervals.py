@@ -153,7 +153,8 @@ class ErrorSamples:
     def peak_to_valley(self, height_mm: FloatArray, nolls: Sequence[int], coverage: float = COVERAGE) -> Interval:
         """Peak to valley over the whole disk of some of NOLLS, fitted with all of them to heights [used].
 
-        By the terms less drawn errors. A peak to valley only grows by errors: the upper end is a safe one.
+        A peak to valley only grows by errors. So the upper end, by the terms less drawn errors, is a safe one, and the
+        lower is the figure less the peak to valley of the error: no sum has less than the difference of its parts'.
         """
         maps, values = self._parts
         inverse = self._inverse
@@ -161,9 +162,11 @@ class ErrorSamples:
         own = (inverse @ self._corrected(height_mm))[columns] * NM
         errors = (values[:PV_SAMPLES] @ (maps @ inverse.T))[:, columns] * NM
         disk = _disk(nolls)
-        spread = np.ptp((own - errors) @ disk.T, axis=1)
-        low, high = np.quantile(spread, ((1 - coverage) / 2, (1 + coverage) / 2))
-        return Interval(float(np.ptp(disk @ own)), float(low), float(high))
+        estimate, alone = float(np.ptp(disk @ own)), np.ptp(errors @ disk.T, axis=1)
+        share = (1 + coverage) / 2
+        low = max(estimate - float(np.quantile(alone, share)), 0.0)
+        high = float(np.quantile(np.ptp((own - errors) @ disk.T, axis=1), share))
+        return Interval(estimate, low, high)
 
 
 def _disk(nolls: Sequence[int]) -> FloatArray:

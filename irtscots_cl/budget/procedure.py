@@ -39,7 +39,7 @@ class Procedure:
 
     @classmethod
     def of(cls, design: MeasuredDesign, budget: Budget) -> Procedure:
-        """Raises SceneError for an unknown compensator, or turns of a mirror that is no surface of revolution."""
+        """Raises SceneError for an unknown compensator, or turns of a mirror that is not the same one when turned."""
         scene = design.setup.scene
         for name in budget.compensators:
             try:
@@ -52,7 +52,14 @@ class Procedure:
             what = f"mirror.off_axis_mm = {mirror.off_axis_mm:g}" if mirror.off_axis_mm else "a [[mirror.polynomial]]"
             text = f"must be 1 with {what}: only a mirror of revolution is the same design when turned"
             raise problem(scene.name, ("budget", "mirror_turns"), text, budget.mirror_turns)
-        return cls(design, budget.compensators, budget.exposures, budget.mirror_turns)
+        found = cls(design, budget.compensators, budget.exposures, budget.mirror_turns)
+        if found.turns > 1 and (alone := found._turned.alone):
+            text = (
+                "must turn the mirror's outline, as far as it is seen, into itself: what "
+                f"{alone} of {design.count} pixels see of the mirror is not seen after every turn"
+            )
+            raise problem(scene.name, ("budget", "mirror_turns"), text, found.turns)
+        return found
 
     def on(self, design: MeasuredDesign) -> Procedure:
         """The same on other pixels."""

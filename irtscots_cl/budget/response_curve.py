@@ -17,7 +17,7 @@ from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.harmonics import gamma_harmonics, phase_bias
 
-LEAST = 0.05  # power
+LEAST = 0.05  # power: below, light hardly differs from none
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,16 @@ class ResponsePower:
         return 0.1 if self.of == "screen" else 0.01
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
-        """Changes (du, dv) [2, n] of the places; of fringes without blur, the most that there is."""
-        power = max(1.0 + value, LEAST)
-        frames = design.frames
+        """Changes (du, dv) [2, n] of the places; of fringes without blur, the most that there is. NaN for a power below
+        LEAST."""
+        power, frames = 1.0 + value, design.frames
+        if self.of == "screen" and isinstance(frames, LineFrames):
+            return np.zeros((2, design.count))
+        if power < LEAST:
+            return np.full((2, design.count), np.nan)
         if isinstance(frames, FringeFrames):
             return np.stack([_of_phases(frames, axis, power) for axis in range(2)])
-        if self.of == "screen" or not isinstance(frames, LineFrames):
-            return np.zeros((2, design.count))
+        assert isinstance(frames, LineFrames)
         return np.stack([_of_curves(frames, axis, power) for axis in range(2)])
 
 

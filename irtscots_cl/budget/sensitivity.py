@@ -15,6 +15,7 @@ from irtscots_cl.budget.geometry import Geometry, geometry_derivatives
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.procedure import Procedure
 from irtscots_cl.budget.source import Draw, Kind, Source
+from irtscots_cl.calibration.height_response import LEFT_AFTER
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.row_products import dots_of_rows
 from irtscots_cl.scene.validation import SceneError
@@ -22,7 +23,9 @@ from irtscots_cl.scene.validation import SceneError
 DRAWS = 32  # of a process: its rms to 12 %
 MANY_DRAWS = 512  # of one whose intervals are wanted: standard deviations to 3 %
 DIFFERENCE = 1e-3  # of the usual value, for derivatives by differences
-NONLINEAR = 0.01  # share of the height that is not in proportion to the value, where linearity ends
+NONLINEAR = (
+    0.01  # share of the height, piston and tilt removed, that is not in proportion to the value, where linearity ends
+)
 NOTHING_MM = 1e-10  # rms height: a source that does nothing but rounding
 SMALLER = 7  # values that are tried, each a tenth of the one before, until every pixel sees light
 NM = 1e6
@@ -34,8 +37,8 @@ class Sensitivity:
 
     height_mm: [n] of a parameter or a constant; [draws, n] of a process. left_nm: [4] rms with
     height_response.LEFT_AFTER removed. zernike_nm: [terms] of NOLLS; of a process their rms. error: relative standard
-    error of these; 0 where nothing is random. linear_to: value from which more than NONLINEAR of the height is not in
-    proportion; inf for constants and processes, which are taken at their own size.
+    error of these; 0 where nothing is random. linear_to: value from which more than NONLINEAR of the height, piston
+    and tilt removed, is not in proportion; inf for constants and processes, which are taken at their own size.
     """
 
     source: Source
@@ -94,8 +97,9 @@ def _of_parameters(procedure: Procedure, sources: Sequence[Source]) -> list[Sens
     )
     left = design.response.left(heights) * NM
     terms = zernike_coefficients(design, heights) * NM
+    level, both_level = (design.response.without(maps, LEFT_AFTER[0]) for maps in (heights, of_both))
     return [
-        Sensitivity(source, heights[k], left[k], terms[k], 0.0, _linear_to(reached[k], heights[k], of_both[k]))
+        Sensitivity(source, heights[k], left[k], terms[k], 0.0, _linear_to(reached[k], level[k], both_level[k]))
         for k, source in enumerate(sources)
     ]
 

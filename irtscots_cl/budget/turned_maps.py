@@ -64,6 +64,11 @@ class TurnedMaps:
             found.append((self._basis(*place), nearest, distance <= REACH * pitch))
         return found
 
+    @property
+    def alone(self) -> int:
+        """How many pixels have no height after some turn: what they see of the mirror is not seen then."""
+        return int(np.count_nonzero(~np.all([has for _, _, has in self._copies], axis=0)))
+
     def mean(self, heights: FloatArray) -> FloatArray:
         """Mean [..., n] of heights [turns or 1, ..., n] as the turned mirror sees them; of one map, of its copies."""
         basis, inverse = self._fit

@@ -24,8 +24,9 @@ from irtscots_cl.maths.zernike.indices import noll_to_nm
 
 WAVELENGTH_NM = 546.07
 MET, NOT_MET, OPEN = "met", "not met", "not decided"
-_RIM = re.compile(r"^3/(?P<A>[0-9.]+|-)(?:\((?P<B>[0-9.]+|-)(?:/(?P<C>[0-9.]+))?\))?$")
-_RMS = re.compile(r"^(RMS[tia])<([0-9.]+)$")
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)"
+_RIM = re.compile(rf"^3/(?P<A>{_NUMBER}|-)(?:\((?P<B>{_NUMBER}|-)(?:/(?P<C>{_NUMBER}))?\))?$", re.ASCII)
+_RMS = re.compile(rf"^(RMS[tia])<({_NUMBER})$", re.ASCII)
 ROTATIONAL = tuple(noll for noll in NOLLS if noll_to_nm(noll)[1] == 0)
 LEFT_OUT = {"RMSt": (1, 2, 3), "RMSi": (1, 2, 3, 4), "RMSa": (1, 2, 3, *ROTATIONAL[1:])}  # Zernike terms
 PEAKS = {"A": (4,), "B": NOLLS[4:], "C": ROTATIONAL[2:]}  # without piston, tilt; B and C without power, too
@@ -82,11 +83,14 @@ def requirements(text: str, wavelength_nm: float = WAVELENGTH_NM) -> dict[str, f
     found: dict[str, float] = {}
     for word in text.split():
         if rim := _RIM.match(word):
-            found |= {key: float(value) for key, value in rim.groupdict().items() if value not in (None, "-")}
+            limits = {key: float(value) for key, value in rim.groupdict().items() if value not in (None, "-")}
         elif rms := _RMS.match(word):
-            found[rms[1]] = float(rms[2])
+            limits = {rms[1]: float(rms[2])}
         else:
             raise ValueError(f"{word!r}: must be 3/A(B/C), RMSt<X, RMSi<X or RMSa<X, in fringes of half a wavelength")
+        if twice := limits.keys() & found.keys():
+            raise ValueError(f"{text!r}: must have one limit of {min(twice)}")
+        found |= limits
     if not found or not all(0 < value < np.inf for value in found.values()):
         raise ValueError(f"{text!r}: must have at least one limit, each above 0")
     return {name: value * wavelength_nm / 2 for name, value in found.items()}

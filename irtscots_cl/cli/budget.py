@@ -29,7 +29,7 @@ def add(commands) -> None:
     )
     add_scene(parser)
     parser.add_argument("--trials", type=int, metavar="N", help="number of trials; default: the scene's, or 512")
-    parser.add_argument("--trial", type=int, default=0, metavar="K", help="the trial whose ledger is made; default 0")
+    parser.add_argument("--trial", type=int, metavar="K", help="the trial whose ledger is made; default 0")
     parser.add_argument(
         "--allow-nm",
         type=float,
@@ -92,6 +92,12 @@ def _execute(options: argparse.Namespace) -> int:
     if options.out is not None:
         check_output_folder(options.out, ("budget.json", "budget.csv", "budget.h5"), ("figures",))
     budget = scene.budget or Budget()
+    if not (budget.sources or budget.calibrated):
+        _refuse(
+            options,
+            ("trials", "trial", "allow_nm", "dask", "images"),
+            "must have a scene with error sources: give them in [budget.sources]",
+        )
     if options.trials is not None:
         if not 2 <= options.trials <= 2**20:
             raise ValueError(f"--trials = {options.trials}: must be from 2 to {2**20}")
@@ -100,10 +106,8 @@ def _execute(options: argparse.Namespace) -> int:
         if not 0 < options.allow_nm <= 1e9:
             raise ValueError(f"--allow-nm = {options.allow_nm}: must be a number above 0 and at most 1e9")
         budget = replace(budget, allow_nm=options.allow_nm)
-    if options.dask is not None and not (budget.sources or budget.calibrated):
-        raise ValueError("--dask: must have a scene with error sources: give them in [budget.sources]")
     with workers_argument(options.dask) as where, Progress("trials", options.quiet, "trials") as progress:
-        found = assess(scene, budget, options.trial, lambda count: progress(count, budget.trials), **where)
+        found = assess(scene, budget, options.trial or 0, lambda count: progress(count, budget.trials), **where)
     for text in stray_warnings(found.ray_noise):
         warn(text)
     facts = budget_facts(found)
@@ -118,7 +122,7 @@ def _execute(options: argparse.Namespace) -> int:
         with made_folder(options.out):
             _write(found, facts, options.out)
             if options.images:
-                write_simulated(simulated, options.out / f"trial-{options.trial}")
+                write_simulated(simulated, options.out / f"trial-{found.trial}")
     if options.json:
         print_json(plain(facts))
         return 0
@@ -137,9 +141,15 @@ def _check(options: argparse.Namespace) -> None:
     if options.wavelength_nm is not None and not 1 <= options.wavelength_nm <= 1e6:
         raise ValueError(f"--wavelength-nm = {options.wavelength_nm}: must be from 1 to 1e6")
     if options.result is not None:
-        for name in ("trials", "allow_nm", "dask", "images", "out"):
-            if getattr(options, name) not in (None, False):
-                raise ValueError(f"--{name.replace('_', '-')}: must be left out with --result")
+        _refuse(options, ("trials", "trial", "allow_nm", "dask", "images", "out"), "must be left out with --result")
+
+
+def _refuse(options: argparse.Namespace, names: tuple[str, ...], why: str) -> None:
+    """Raises ValueError for the first of some options that is given."""
+    for name in names:
+        given = getattr(options, name)
+        if given is not None and given is not False:  # 0 is a number
+            raise ValueError(f"--{name.replace('_', '-')}: {why}")
 
 
 def _simulated(options: argparse.Namespace, found: ErrorBudget) -> SimulatedTrial:
@@ -147,8 +157,6 @@ def _simulated(options: argparse.Namespace, found: ErrorBudget) -> SimulatedTria
     from irtscots_cl.opencl.device import select_devices
     from irtscots_cl.pipeline.simulated_trial import RAYS_PER_PIXEL, simulate_trial
 
-    if not found.trials.sources:
-        raise ValueError("--images: must have a scene with error sources: give them in [budget.sources]")
     rays = RAYS_PER_PIXEL if options.rays_per_pixel is None else options.rays_per_pixel
     return simulate_trial(
         found.trials, found.trial, rays_per_pixel=rays, device=select_devices(options.device)

@@ -348,19 +348,28 @@ def surface_of(
     mirror: (x, y), landing: (u, v) [rows, columns] of the design. Only the difference from the slopes that the same
     triangulation gives for the design is integrated. This excludes the zonal method's own error on the design surface
     (13 nm of power on the paper's sphere) and the curvature of the landing point over a footprint (41 nm of tilt on the
-    off-axis preset). Eq. 3 contains the height itself, so the computed height is fed back.
+    off-axis preset). Eq. 3 contains the height itself, so the computed height is fed back: a pixel sees the deviating
+    mirror where its ray meets it, beside (x, y), where the design has another slope.
     """
     surface = chief.surface
-    design = surface.sag(*mirror)
+    design, own = surface.sag(*mirror), surface.gradient(*mirror)
     design_slopes = triangulated(chief, *mirror, design, *landing)
+    aside = _aside(chief, mirror, design, own)
     deviation = np.zeros(centroid[0].shape)
     join: bool | Islands = True
     for _ in range(HEIGHT_ROUNDS):
-        slopes = triangulated(chief, *mirror, design + deviation, *centroid)
-        extra_x, extra_y = (slope - own for slope, own in zip(slopes, design_slopes, strict=True))
+        x, y = (at + deviation * by for at, by in zip(mirror, aside, strict=True))
+        slopes, there = triangulated(chief, x, y, surface.sag(x, y) + deviation, *centroid), surface.gradient(x, y)
+        extra_x, extra_y = (slopes[k] - design_slopes[k] - (there[k] - own[k]) for k in range(2))
         if not pixel_average:
             extra_x, extra_y = deconvolve_pixel(extra_x, mask), deconvolve_pixel(extra_y, mask)
         found = integrate(*mirror, extra_x, extra_y, mask, method, join)
         deviation, join = found.z_mm, found.islands
-    true_x, true_y = surface.gradient(*mirror)
-    return true_x + extra_x, true_y + extra_y, deviation, found.islands
+    return own[0] + extra_x, own[1] + extra_y, deviation, found.islands
+
+
+def _aside(chief: ChiefRays, mirror: Pair, z_mm: FloatArray, gradient: Pair) -> Pair:
+    """By how much a pixel's ray meets the mirror beside (x, y), along x and y, for each mm of deviation there."""
+    x, y, z = np.moveaxis(np.stack([*mirror, z_mm], -1) - chief.camera_frame.position_mm, -1, 0)
+    steepness = z - x * gradient[0] - y * gradient[1]
+    return x / steepness, y / steepness

@@ -27,6 +27,7 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
 
 MOST_FITTED = 10**5  # nodes, of a map's low orders
+FARTHEST = 1.5  # mirror's radii from its middle: a square about the mirror reaches 1.41
 
 
 def judge_map(
@@ -41,7 +42,7 @@ def judge_map(
     if not budget.sources and budget.calibrated is None:
         raise ValueError("--result: must have a scene with error sources: give them in [budget.sources]")
     setup = Setup.of(scene)
-    read = open_map(path).as_kind(SURFACE)
+    read = _read(path)
     design = MeasuredDesign.of_budget(setup, budget)
     trials = Trials.of(design, budget)
     heights = heights_at_pixels(read, design, path)
@@ -59,7 +60,26 @@ def judge_map(
     own = trials.procedure.fitted(np.where(used, heights, 0.0), used)[used]
     rms = {name: samples.rms(own, nolls) for name, nolls in LEFT_OUT.items()}
     judged = tuple(judge(samples, own, limits))
-    return Verdict(trials, str(path), wavelength_nm, used, samples.zernikes(own), rms, judged, read.warnings)
+    warnings = (*read.warnings, *_beyond(read, setup.scene.mirror.diameter_mm / 2))
+    return Verdict(trials, str(path), wavelength_nm, used, samples.zernikes(own), rms, judged, warnings)
+
+
+def _read(path: Path) -> HeightMap:
+    """The surface in a file. Raises ValueError for what cannot be read as it is."""
+    try:
+        return open_map(path).as_kind(SURFACE)
+    except ValueError as error:
+        asks = ": give --" in str(error)  # an option of the commands that read any file
+        raise ValueError(f"{error}; to `irtscots convert` first" if asks else str(error)) from None
+
+
+def _beyond(read: HeightMap, radius_mm: float) -> list[str]:
+    """A warning about a map that is too large for the mirror."""
+    x, y = read.positions_mm()
+    reach = float(np.hypot(x, y)[read.valid].max())
+    if reach <= FARTHEST * radius_mm:
+        return []
+    return [f"has heights {reach:.4g} mm from the middle of a mirror of {radius_mm:g} mm radius: is it this mirror's?"]
 
 
 def heights_at_pixels(read: HeightMap, design: MeasuredDesign, path: Path) -> FloatArray:

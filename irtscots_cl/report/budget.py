@@ -128,7 +128,7 @@ def _stray_tables(found: ErrorBudget) -> list[Table]:
 def _sensitivity_table(found: ErrorBudget) -> Table:
     ranked = sorted(found.sensitivities.values(), key=lambda one: -one.left_nm[0] * one.source.usual)
     rows = [
-        (one.source.name, f"{one.source.usual:.2g} {one.source.unit}".strip(),
+        (one.source.name, f"{one.source.usual:.3g} {one.source.unit}".strip(),
          *(f"{nm:.3g}" for nm in one.left_nm * one.source.usual), f"{one.linear_to:.2g}")
         for one in ranked
     ]  # fmt: skip
@@ -194,12 +194,11 @@ def _ledger_table(found: ErrorBudget) -> Table:
     if found.ledger is None:
         return Table(f"Ledger of trial {found.trial}: cannot be measured", ("why",), [(found.no_ledger,)])
     left = found.trials.design.response.left
-    ranked = sorted(found.ledger.rows, key=lambda row: -float(np.mean(row.height_mm**2)))
+    ranked = sorted(((left(row.height_mm[None])[0] * NM, row) for row in found.ledger.rows), key=lambda one: -one[0][0])
     rows = [
-        (row.name, f"{row.value:.4g}", *(f"{nm:.3g}" for nm in left(row.height_mm[None])[0] * NM),
-         f"{row.second_order_nm:.2g}")
-        for row in ranked
-    ]  # fmt: skip
+        (row.name, f"{row.value:.4g}", *(f"{value:.3g}" for value in nm), f"{row.second_order_nm:.2g}")
+        for nm, row in ranked
+    ]
     rows.append(("sum of the maps", "", *(f"{nm:.3g}" for nm in left(found.ledger.total_mm[None])[0] * NM), ""))
     title = f"Ledger of trial {found.trial}: rms in nm of each source's map; the maps add up to the whole error"
     title = _said(title, found)
@@ -249,11 +248,16 @@ def simulated_table(facts: dict[str, Any]) -> Table:
 
 
 def budget_rows(found: ErrorBudget) -> list[list[str]]:
-    """The sources as rows of a CSV file, the head first."""
+    """The sources as rows of a CSV file, the head first; of a budget without sources, all that there are at their usual
+    values."""
     head = ["source", "unit", "distribution", "size", "sigma", *(f"nm_{terms}" for terms in LEFT_AFTER), "sobol_total"]
-    if found.linear is None:
-        return [head]
     rows = [head]
+    if found.linear is None:
+        for name, one in found.sensitivities.items():
+            size = f"{one.source.usual:.9g}"
+            nm = [f"{value:.9g}" for value in one.left_nm * one.source.usual]
+            rows.append([name, one.source.unit, "usual", size, size, *nm, ""])
+        return rows
     for name, given in found.trials.budget.sources.items():
         unit = found.sensitivities[name].source.unit
         nm = [f"{value:.9g}" for value in found.linear.nm[name]]

@@ -18,6 +18,7 @@ from irtscots_cl.system.atomic_files import replacing
 LEVELS = (0, 2, 3)  # of LEFT_AFTER, in the tornado: piston and tilt, + astigmatism, + coma
 LABELS = ("piston, tilt removed", "+ power, astigmatism", "+ coma")
 MOST_BARS, MOST_MAPS = 20, 5
+SAME = 1e-3  # of the total: correlations that do not show
 
 
 def write_budget_figures(found: ErrorBudget, folder: Path) -> list[str]:
@@ -66,14 +67,17 @@ def cumulative_figure(linear: LinearBudget) -> Figure:
         axes.plot(np.arange(1, len(names) + 1), np.sqrt(squares), "o-", ms=3, color=colour, label=label)
     shown = names[:MOST_BARS]
     axes.set_xticks(np.arange(1, len(shown) + 1), shown, rotation=60, ha="right", fontsize=7)
-    axes.set(ylabel="rms height error [nm]", ylim=(0, None), title="All sources up to this one together")
+    title, total = "Root of the sum of squares of all sources up to this one", linear.total_nm[0]
+    if abs(np.sqrt(sum(linear.nm[name][0] ** 2 for name in names)) - total) > SAME * total:
+        title += f"; {total:.3g} nm with what is correlated"
+    axes.set(ylabel="rms height error [nm]", ylim=(0, None), title=title)
     axes.legend(fontsize=8)
     return figure
 
 
 def map_figure(found: ErrorBudget) -> Figure:
-    """Height maps of one standard deviation of the sources that cost most, piston and tilt removed, on one scale, and
-    the standard deviation of the whole error at each pixel."""
+    """Height maps of one standard deviation of the sources that cost most, piston and tilt removed, on one scale; of a
+    process one draw. And the standard deviation of the whole error at each pixel."""
     assert found.linear is not None
     names = _ranked(found.linear)[:MOST_MAPS]
     design = found.trials.design
@@ -85,13 +89,19 @@ def map_figure(found: ErrorBudget) -> Figure:
     grid = figure.subplots(2, 3).ravel()
     largest = max((float(np.percentile(np.abs(values), 99.5)) for values in maps), default=1.0) or 1.0
     for axes, name, values in zip(grid, names, maps, strict=False):
-        _map(axes, found, values, f"{name}: {found.linear.nm[name][0]:.3g} nm rms", "RdBu_r", -largest, largest)
+        which = ", one draw" if found.sensitivities[name].source.kind.is_random else ""
+        title = f"{name}{which}: {_rms(values):.3g} nm rms"
+        _map(axes, found, values, title, "RdBu_r", -largest, largest)
     whole = found.linear.deviation_mm * NM
-    _map(grid[-1], found, whole, f"standard deviation of all: {found.linear.total_nm[0]:.3g} nm rms", "viridis", 0.0,
+    _map(grid[-1], found, whole, f"standard deviation of all: {_rms(whole):.3g} nm rms", "viridis", 0.0,
          float(np.percentile(whole, 99.5)) or 1.0)  # fmt: skip
     for axes in grid[len(names) : -1]:
         axes.set_axis_off()
     return figure
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _map(

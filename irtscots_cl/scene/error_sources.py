@@ -103,7 +103,9 @@ class Budget:
         BeforeValidator(_sources),
         Field(description='a table of names with standard deviations: "camera.x_mm" = 0.1, or { uniform = 0.1 }'),
     ] = Field(default_factory=dict)
-    periods: Annotated[tuple[_Periods, ...], *array_of("an array of numbers of periods over the screen")] = ()
+    periods: Annotated[
+        tuple[_Periods, ...], *array_of("an array of numbers of periods over the screen, above 0 and at most 1e4")
+    ] = ()
     steps: Annotated[int, Strict(), Field(ge=3, le=1000, description="an integer from 3 to 1000")] = 8
     trials: Annotated[int, Strict(), Field(ge=2, le=2**20, description="an integer from 2 to 1048576")] = 512
     seed: Seed = 1

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_budget import small_scene
+from small_budget import small_scene, small_trials
 
 from irtscots_cl.budget.detector import Quantisation, ReadNoise, SceneNoise
 from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.monte_carlo import monte_carlo
 from irtscots_cl.budget.noise import PhotonNoise
 from irtscots_cl.budget.source import Draw
 from irtscots_cl.budget.sources import known_sources, source_of
@@ -67,6 +68,17 @@ def test_rounding_to_whole_steps(design):
             ratios.append(np.sqrt(np.mean(told**2) / np.mean(drawn[axis] ** 2)))
     assert np.mean(ratios) == pytest.approx(1, abs=0.1)
     assert np.abs(np.array(ratios) - 1).max() < 0.3
+
+
+def test_light_below_half_a_step_tells_no_place(design):
+    """A step of more than twice the brightest sample leaves nothing; one of half of it leaves the brightest samples."""
+    assert np.isnan(Quantisation().changes_mm(design, 2.1, Draw(1, 0))).all()
+    changes = Quantisation().changes_mm(design, 0.5, Draw(1, 0))
+    brightest = [signal.max(-1) for signal in design.frames.signal]
+    assert np.array_equal(np.isfinite(changes), np.stack(brightest) >= 0.25)
+    trials = small_trials(4, {"detector.quantisation": 2.1}, pixels=21)
+    with pytest.raises(SceneError, match="4 of 4 trials cannot be measured"):
+        monte_carlo(trials)
 
 
 def test_an_even_error_of_one_step_has_the_rms_of_its_12th_root():

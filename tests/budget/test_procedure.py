@@ -18,6 +18,7 @@ from irtscots_cl.budget.tolerances import QuadraticError
 from irtscots_cl.budget.trials import Trials
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Budget
+from irtscots_cl.scene.outline import Outline
 from irtscots_cl.scene.validation import SceneError
 
 
@@ -110,6 +111,16 @@ def test_without_any_nothing_is_changed(design):
     assert plain.procedure.text == ""
     height = plain.heights_mm([(3, None)])[0]
     assert np.array_equal(height, design.heights_mm(plain.changes_mm(3)[None])[0])
+
+
+def test_turns_need_an_outline_that_turns_into_itself():
+    """A hexagon does after a third of a turn, whose mean leaves no coma, and not after a fifth."""
+    hexagon = replace(small_scene(31).mirror, outline=Outline(shape="hexagon", across_flats_mm=900.0))
+    design = MeasuredDesign.of(Setup(replace(small_scene(31), mirror=hexagon)))
+    left = own_sensitivities(trials_of(design, {"camera.x_mm": 0.1}, mirror_turns=3))["camera.x_mm"].left_nm
+    assert left[1] < 0.02 * left[0]  # all but power is gone
+    with pytest.raises(SceneError, match="budget.mirror_turns = 5: must turn the mirror's outline, .*is not seen"):
+        trials_of(design, {"camera.x_mm": 0.1}, mirror_turns=5)
 
 
 def test_refusals(design):

@@ -41,6 +41,13 @@ def test_full_lines_stay_full():
     assert np.abs(ResponsePower("detector").changes_mm(design, 0.0, NO_DRAW)).max() < 1e-12
 
 
+@pytest.mark.parametrize(("of", "fringes"), [("detector", None), ("detector", ((3.0,), 4)), ("screen", ((3.0,), 4))])
+def test_a_power_of_nearly_nothing_tells_no_place(of, fringes):
+    design = MeasuredDesign.of(Setup(small_scene(21)), fringes)
+    assert np.isfinite(ResponsePower(of).changes_mm(design, -0.9, NO_DRAW)).all()
+    assert np.isnan(ResponsePower(of).changes_mm(design, -0.96, NO_DRAW)).all()
+
+
 def test_light_curves_of_a_power_of_the_light():
     """Centroids of a power of the light curves in closed form."""
     design, value = MeasuredDesign.of(Setup(small_scene())), 0.3

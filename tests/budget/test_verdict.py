@@ -39,7 +39,10 @@ def test_indications(text, limits):
     assert requirements(text, 600.0) == {name: pytest.approx(300 * value) for name, value in limits.items()}
 
 
-@pytest.mark.parametrize("text", ["", "4/1", "3/", "RMSx<1", "RMSt>1", "3/0", "3/-(-)"])
+@pytest.mark.parametrize(
+    "text",
+    ["", "4/1", "3/", "RMSx<1", "RMSt>1", "3/0", "3/-(-)", "3/..", "RMSt<1.2.3", "RMSt<1 RMSt<2", "3/1 3/-(2) 3/3"],
+)
 def test_what_is_no_indication(text):
     with pytest.raises(ValueError, match="must"):
         requirements(text)

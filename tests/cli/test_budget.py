@@ -65,9 +65,13 @@ def test_what_is_allowed(irtscots, small):
 def test_a_scene_without_a_budget_has_its_sensitivities(irtscots, tmp_path):
     path = tmp_path / "plain.toml"
     path.write_text(replace(small_scene(31), name="plain").to_toml())
-    code, out, err = irtscots("budget", path)
+    code, out, err = irtscots("budget", path, "--out", tmp_path / "out")
     assert (code, err) == (0, "")
-    assert "each source at a usual value" in out and "screen.brightness_xx" in out
+    assert "each source at a usual value" in out and "screen.brightness_xx" in out and " 550 nm " in out
+    rows = {row.split(",")[0]: row.split(",") for row in (tmp_path / "out" / "budget.csv").read_text().splitlines()}
+    assert rows["screen.z_mm"][1:5] == ["mm", "usual", "0.5", "0.5"]
+    assert float(rows["screen.z_mm"][5]) == pytest.approx(592, rel=0.03)  # as of the preset on all pixels
+    assert float(rows["screen.z_mm"][6]) < 5
 
 
 def test_a_result_is_judged(irtscots, tmp_path):
@@ -106,6 +110,22 @@ def test_a_trial_is_simulated(irtscots, tmp_path):
     assert code == 0 and told["with_rim_nm"] < json.loads(out)["rms_nm"] < 10 * told["with_rim_nm"]
 
 
+@pytest.mark.parametrize("option", [("--allow-nm", "20"), ("--trials", "8"), ("--trial", "0"), ("--images",)])
+def test_options_without_sources_to_act_on(irtscots, option):
+    code, out, err = irtscots("budget", "sphere", *option)
+    assert (code, out) == (2, "")
+    assert err == f"irtscots: {option[0]}: must have a scene with error sources: give them in [budget.sources]\n"
+
+
+def test_the_ledger_is_ranked_by_its_first_column(irtscots, small):
+    """Piston and tilt removed: not by the tilt that is not shown."""
+    out = irtscots("budget", small, "--trials", "8")[1].split("Ledger of trial 0")[1].split("sum of the maps")[0]
+    shown = [
+        float(line.split()[2]) for line in out.splitlines() if line.strip().startswith(("camera", "screen", "noise"))
+    ]
+    assert len(shown) == len(SOURCES) and shown == sorted(shown, reverse=True)
+
+
 @pytest.mark.parametrize(
     "options, told",
     [
@@ -118,6 +138,7 @@ def test_a_trial_is_simulated(irtscots, tmp_path):
         (("--result", "none.h5", "--require", " "), "--require: must have at least one limit"),
         (("--result", "none.h5", "--wavelength-nm", "500"), "--wavelength-nm: must be given with --require"),
         (("--result", "none.h5", "--trials", "5"), "--trials: must be left out with --result"),
+        (("--result", "none.h5", "--trial", "0"), "--trial: must be left out with --result"),
         (("--device", "cpu"), "--device: must be given with --images"),
         (("--result", "none.h5", "--images"), "--images: must be left out with --result"),
         (("--trial", "-1"), "--trial = -1: must be from 0 to 15"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -100,6 +101,22 @@ def test_what_cannot_be_judged_is_one_line(setup, tmp_path):
         assert str(error.value).startswith(str(tmp_path / name)) and "\n" not in str(error.value)
     with pytest.raises(ValueError, match="error sources"):
         judge_map(setup, Budget(), tmp_path / "small.npz")
+
+
+def test_a_file_without_a_unit_goes_through_convert(setup, tmp_path):
+    np.save(tmp_path / "m.npy", astigmatism(setup, 300.0).heights_mm)
+    with pytest.raises(ValueError, match="tells no unit of its heights: give --unit, .* to `irtscots convert` first$"):
+        judge_map(setup, BUDGET, tmp_path / "m.npy")
+
+
+def test_a_map_that_goes_far_beyond_the_mirror_is_told(setup, tmp_path):
+    """Such as one with its pitch in inches: what is judged is but its middle."""
+    plain, radius = astigmatism(setup, 300.0, hole=False), setup.scene.mirror.diameter_mm / 2
+    for name, pitch in (("mm.npz", plain.pitch_mm[0]), ("inch.npz", 25.4 * plain.pitch_mm[0])):
+        write_map(tmp_path / name, replace(plain, pitch_mm=(pitch, pitch)))
+    assert judge_map(setup, BUDGET, tmp_path / "mm.npz").warnings == ()
+    (told,) = judge_map(setup, BUDGET, tmp_path / "inch.npz").warnings
+    assert re.match(rf"has heights 1.+ mm from the middle of a mirror of {radius:g} mm radius: ", told)
 
 
 def test_what_compensators_take_is_no_part_of_the_verdict(setup, tmp_path):
