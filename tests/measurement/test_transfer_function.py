@@ -102,8 +102,11 @@ def check(chain: Chain, name: str, ratio: float, angle_deg: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("angle_deg", [0.0, 55.0])
 @pytest.mark.parametrize("ratio", np.geomspace(2.15, 12.0, 12).round(3))
-@pytest.mark.parametrize("measure, name", [("paper", "fine lines"), ("paper", "off-axis"), ("fine", "sphere"),
-                                           ("fine", "blurred"), ("fine", "off-axis")])  # fmt: skip
+@pytest.mark.parametrize("measure, name", [
+    ("paper", "off-axis"), ("fine", "sphere"),
+    *(pytest.param(*case, marks=pytest.mark.long)
+      for case in (("paper", "fine lines"), ("fine", "blurred"), ("fine", "off-axis"))),
+])  # fmt: skip
 def test_simulated_tests_show_ripples_as_the_closed_form_says(measure, name, ratio, angle_deg):
     check(Chain(measure), name, ratio, angle_deg)
 
