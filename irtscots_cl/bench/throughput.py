@@ -42,6 +42,10 @@ FMA_CHAINS = 12  # CHAINS of kernels/entry/multiply_add.cl
 FMA_STEPS = 20_000
 MAP_NODES = 1000
 MAP_NAME = f"conic, height map {MAP_NODES} x {MAP_NODES}"
+# features that are timed with the adjoint estimator, too
+SURFACES = (
+    "conic", "asphere of order 20", "odd asphere", "conic, 45 Zernike terms", "45 annular Zernike terms", MAP_NAME
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -85,13 +89,13 @@ def default_cases(device: Device, quick: bool) -> list[Case]:
               for scene in scenes for sampler in (("sobol",) if quick else SAMPLERS)]  # fmt: skip
     devices = _devices(sphere)
     features = _features(sphere)
-    maps = {name: features[name] for name in ("conic", MAP_NAME)}
+    surfaces = {name: features[name] for name in SURFACES}
     cases += [Case(FEATURES["forward"], name, scene) for name, scene in (features | devices).items()]
     if device.has_fp64:
         cases.append(Case(FEATURES["forward"], "double precision", sphere, precision="fp64"))
     cases.append(Case(FEATURES["forward"], "sums by atomics", sphere, accumulate="atomic"))
     cases += [Case(FEATURES["adjoint"], name, scene, "adjoint")
-              for name, scene in ({"plain sphere": sphere} | maps | devices).items()]  # fmt: skip
+              for name, scene in ({"plain sphere": sphere} | surfaces | devices).items()]  # fmt: skip
     cases += [Case("any order of elements, forward", name, load_scene(name), NONSEQUENTIAL)
               for name in (("sphere",) if quick else PATH_SCENES)]  # fmt: skip
     if device.kind == "cpu":  # on other devices, work-items are the lanes
