@@ -14,7 +14,7 @@ import numpy as np
 from irtscots_cl.budget.geometry import Geometry, geometry_derivatives
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.procedure import Procedure
-from irtscots_cl.budget.source import Draw, Kind, Source
+from irtscots_cl.budget.source import Draw, Kind, Source, lit_changes
 from irtscots_cl.calibration.height_response import LEFT_AFTER
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.row_products import dots_of_rows
@@ -138,7 +138,7 @@ def _linear_to(usual: float, height_mm: FloatArray, up_down_mm: FloatArray) -> f
 
 def _of_constant(procedure: Procedure, source: Source, value: float) -> Sensitivity:
     design = procedure.design
-    whole = design.response.heights_mm(_lit(source, design, value, Draw(0, 0))[None])
+    whole = design.response.heights_mm(lit_changes(source, design, value, Draw(0, 0))[0][None])
     heights = procedure.of_parameter(source, whole) / value
     left, terms = design.response.left(heights) * NM, zernike_coefficients(design, heights) * NM
     return Sensitivity(source, heights[0], left[0], terms[0], 0.0, np.inf)
@@ -148,7 +148,9 @@ def _of_process(procedure: Procedure, source: Source, value: float, draws: int) 
     design = procedure.design
     heights = np.concatenate([
         design.response.heights_mm(
-            np.stack([_lit(source, design, value, Draw(0, k)) for k in range(first, min(first + DRAWS, draws))])
+            np.stack([
+                lit_changes(source, design, value, Draw(0, k))[0] for k in range(first, min(first + DRAWS, draws))
+            ])
         )
         / value
         for first in range(0, draws, DRAWS)
@@ -160,12 +162,6 @@ def _of_process(procedure: Procedure, source: Source, value: float, draws: int) 
     error = float(squares[:, 0].std(ddof=1) / np.sqrt(draws) / mean / 2) if mean > 0 else 0.0
     terms = np.sqrt(np.mean(zernike_coefficients(design, heights) ** 2, axis=0))
     return Sensitivity(source, heights, left * NM, terms * NM, error, np.inf)
-
-
-def _lit(source: Source, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
-    """Changes [2, n] of the places, 0 for pixels that the source leaves without light."""
-    changes = source.changes_mm(design, value, draw)
-    return np.where(np.isfinite(changes).all(0), changes, 0.0)
 
 
 def zernike_coefficients(design: MeasuredDesign, heights: FloatArray) -> FloatArray:

@@ -14,8 +14,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
+import numpy as np
+
 from irtscots_cl.budget.measured_design import MeasuredDesign
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.maths.counter_random import normal, uniform
 
 
@@ -81,4 +83,14 @@ class Source(Protocol):
     def kind(self) -> Kind: ...
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
-        """Changes (du, dv) [2, n] of the places by a value; of random numbers, by one draw of that size."""
+        """Changes (du, dv) [2, n] of the places by a value; of random numbers, by one draw of that size.
+
+        NaN for pixels that it leaves without light.
+        """
+
+
+def lit_changes(source: Source, design: MeasuredDesign, value: float, draw: Draw) -> tuple[FloatArray, BoolArray]:
+    """Changes (du, dv) [2, n] of the places, 0 for pixels that a source leaves without light; and which [n] have it."""
+    changes = source.changes_mm(design, value, draw)
+    lit: BoolArray = np.isfinite(changes).all(0)
+    return np.where(lit, changes, 0.0), lit

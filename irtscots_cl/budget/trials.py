@@ -17,7 +17,7 @@ from irtscots_cl.budget.geometry import changes_and_view as geometry_view
 from irtscots_cl.budget.joint import NONE, Joint, with_calibrated
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.procedure import Procedure, is_figure
-from irtscots_cl.budget.source import Draw, Kind, Source
+from irtscots_cl.budget.source import Draw, Kind, Source, lit_changes
 from irtscots_cl.budget.sources import geometry_sources, source_of
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.scene.error_sources import Budget
@@ -102,7 +102,8 @@ class Trials:
             if not source.kind.stays:
                 for repeat in range(turn * exposures, (turn + 1) * exposures):
                     draw = Draw(self.budget.seed, trial, repeat)
-                    total = total + source.changes_mm(self.design, on[source.name], draw) / exposures
+                    changes, lit = lit_changes(source, self.design, on[source.name], draw)
+                    total, sees = total + changes / exposures, sees & lit
         return total, sees
 
     def heights_mm(self, trials: Iterable[tuple[int, Mapping[str, float] | None]]) -> FloatArray:
@@ -180,7 +181,6 @@ def changes_and_view(
         total, sees = geometry_view(design, {source.name: values[source.name] for source in moving})
     for source in chosen:
         if source not in moving:
-            changes = source.changes_mm(design, values[source.name], draw)
-            lit = np.isfinite(changes).all(0)
-            total, sees = total + np.where(lit, changes, 0.0), sees & lit
+            changes, lit = lit_changes(source, design, values[source.name], draw)
+            total, sees = total + changes, sees & lit
     return total, sees

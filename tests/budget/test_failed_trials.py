@@ -11,6 +11,7 @@ from small_budget import small_scene, small_trials
 from irtscots_cl.budget.assess import assess
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.monte_carlo import monte_carlo
+from irtscots_cl.budget.source import Draw
 from irtscots_cl.budget.trials import LEAST_SHARE, NotMeasuredError, Trials
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Budget
@@ -76,20 +77,15 @@ def test_why_a_trial_cannot_be_measured(name, value, why):
         trials.heights_mm([(0, {name: value})])
 
 
-def test_a_pixel_without_light_keeps_its_place():
-    """Of dark pixels of the screen: places stay where they are seen by none, and the share is told."""
-    trials = small_trials(sources={"screen.dead_pixels": 0.97}, pixels=31)
-    changes = trials.sources[0].changes_mm(trials.design, 0.97, trials_draw(trials))
-    dark = np.isnan(changes).all(0)
+@pytest.mark.parametrize(("name", "size"), [("screen.dead_pixels", 0.97), ("detector.quantisation", 1.84)])
+def test_a_pixel_without_light_keeps_its_place(name, size):
+    """What leaves pixels without light, once in a test or in every measurement: their share is told."""
+    trials = small_trials(sources={name: size}, pixels=31)
+    changes = trials.sources[0].changes_mm(trials.design, size, Draw(trials.budget.seed, 0))
+    dark = np.isnan(changes).any(0)
     assert 0 < dark.mean() < 0.5
     assert not trials.changes_mm(0)[:, dark].any() and np.array_equal(trials.changes_mm(0)[:, ~dark], changes[:, ~dark])
     assert trials.heights_and_lost([(0, None)])[1][0] == pytest.approx(dark.mean(), abs=1e-12)
-
-
-def trials_draw(trials):
-    from irtscots_cl.budget.source import Draw
-
-    return Draw(trials.budget.seed, 0)
 
 
 def test_no_trial_that_can_be_measured_is_one_line():
