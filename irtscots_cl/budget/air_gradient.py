@@ -39,9 +39,7 @@ class TemperatureGradient:
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places, to first order in the gradient."""
-        if self.name not in design.derivatives:
-            design.derivatives[self.name] = self._derivative(design)
-        return value * design.derivatives[self.name]
+        return value * design.once(self.name, lambda: self._derivative(design))
 
     def _derivative(self, design: MeasuredDesign) -> FloatArray:
         bends = design.bends

@@ -35,14 +35,15 @@ class Diffraction:
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places."""
-        key = f"{self.name} {value!r}"
-        if key not in design.derivatives:
-            camera, seen = design.setup.scene.camera, design.seen
-            blur = value / NM_PER_MM * camera.image_distance_mm / camera.aperture_diameter_mm
-            pitch = seen.step * np.array(design.setup.chief_rays.camera_model.pitch_mm)
-            places = design.places_mm
-            design.derivatives[key] = blurred(seen.on_grid(places), blur, pitch)[:, seen.mask] - places
-        return design.derivatives[key]
+        return design.once(f"{self.name} {value!r}", lambda: _changes(design, value))
+
+
+def _changes(design: MeasuredDesign, wavelength_nm: float) -> FloatArray:
+    camera, seen, places = design.setup.scene.camera, design.seen, design.places_mm
+    blur = wavelength_nm / NM_PER_MM * camera.image_distance_mm / camera.aperture_diameter_mm
+    pitch = seen.step * np.array(design.setup.chief_rays.camera_model.pitch_mm)
+    found: FloatArray = blurred(seen.on_grid(places), blur, pitch)[:, seen.mask] - places
+    return found
 
 
 def transfer(frequency_per_mm: FloatArray, blur_mm: float) -> FloatArray:

@@ -16,7 +16,7 @@ from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.error_sources import Distribution
 
 KURTOSIS = {"normal": 0.0, "uniform": -1.2, "triangular": -0.6}  # excess
-NODES = 2000
+NODES = 2000  # in either part of the table of a mean, near its end and beyond
 LEAST_SHARE = 1e-100  # beyond which no number is asked for
 CENTRE = 2.0**-31  # of Sobol's cells: the numbers are multiples of 2^-30, and 0 has no inverse
 

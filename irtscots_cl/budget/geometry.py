@@ -9,7 +9,7 @@ import numpy as np
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.source import Draw, Kind
-from irtscots_cl.calibration.jacobian import centroid_jacobian, centroids_and_view
+from irtscots_cl.calibration.jacobian import centroid_jacobian, centroids_and_view, design_centroids
 from irtscots_cl.calibration.parameters import moved, parameter
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.scene.model import Scene
@@ -40,10 +40,11 @@ def geometry(name: str, scene: Scene) -> Geometry:
 
 def geometry_changes(design: MeasuredDesign, values: Mapping[str, float]) -> FloatArray:
     """Changes (du, dv) [2, n] of the places when several numbers differ together, exact."""
-    return changes_and_view(design, values)[0]
+    there = moved(design.setup.scene, values)
+    return design_centroids(there, design.setup, design.seen.pixels) - design.places_mm
 
 
-def changes_and_view(design: MeasuredDesign, values: Mapping[str, float]) -> tuple[FloatArray, BoolArray]:
+def geometry_view(design: MeasuredDesign, values: Mapping[str, float]) -> tuple[FloatArray, BoolArray]:
     """As geometry_changes; and which pixels [n] still see the screen in the mirror. Changes go on beyond the rim."""
     there = moved(design.setup.scene, values)
     places, sees = centroids_and_view(there, design.setup, design.seen.pixels)
@@ -59,6 +60,4 @@ def geometry_derivatives(design: MeasuredDesign, names: Sequence[str]) -> FloatA
 
 def geometry_derivative(design: MeasuredDesign, name: str) -> FloatArray:
     """Changes (du, dv) [2, n] of the places per unit of one number, made once for a design."""
-    if name not in design.derivatives:
-        design.derivatives[name] = geometry_derivatives(design, [name])[0]
-    return design.derivatives[name]
+    return design.once(name, lambda: geometry_derivatives(design, [name])[0])

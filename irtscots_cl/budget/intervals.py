@@ -87,17 +87,16 @@ class ErrorSamples:
         found: FloatArray = np.linalg.pinv(self.design.zernike_basis[self.used])
         return found
 
-    def _corrected(self, height_mm: FloatArray) -> FloatArray:
-        """Measured heights [used] without what constants do."""
-        constant = sum_of_constants(self.found, self.given, self.design.count)
-        found: FloatArray = height_mm - constant[self.used]
-        return found
+    @cached_property
+    def _constant_mm(self) -> FloatArray:
+        """Height [used] that the constants make, which is taken out of measured heights."""
+        return sum_of_constants(self.found, self.given, self.design.count)[self.used]
 
     def zernikes(self, height_mm: FloatArray, coverage: float = COVERAGE) -> dict[int, Interval]:
         """Of each of NOLLS, fitted together, of heights [used]."""
         maps, values = self._parts
         inverse = self._inverse
-        own = inverse @ self._corrected(height_mm) * NM
+        own = inverse @ (height_mm - self._constant_mm) * NM
         errors = values @ (maps @ inverse.T) * NM
         low, high = np.quantile(errors, ((1 - coverage) / 2, (1 + coverage) / 2), axis=0)
         return {
@@ -112,7 +111,7 @@ class ErrorSamples:
         in the modes of the error, each weighed by its variance: right for one mode, for many alike, and for noise.
         """
         modes, weight, errors = self._modes(nolls)
-        own = self._corrected(height_mm)
+        own = height_mm - self._constant_mm
         own = own - self._fitted(own, nolls)
         inside = modes @ own
         size = float(weight @ inside**2)
@@ -159,7 +158,7 @@ class ErrorSamples:
         maps, values = self._parts
         inverse = self._inverse
         columns = [NOLLS.index(noll) for noll in nolls]
-        own = (inverse @ self._corrected(height_mm))[columns] * NM
+        own = (inverse @ (height_mm - self._constant_mm))[columns] * NM
         errors = (values[:PV_SAMPLES] @ (maps @ inverse.T))[:, columns] * NM
         disk = _disk(nolls)
         estimate, alone = float(np.ptp(disk @ own)), np.ptp(errors @ disk.T, axis=1)

@@ -7,6 +7,7 @@ same sample of pixels, at most 160 x 160.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -38,7 +39,7 @@ class MeasuredDesign:
 
     fringes: numbers of periods over the screen and steps; None for scans of single lines. air: on the rays' way.
     maps: tables of the mirror's maps, which the design has not. stray: maps of ghosts and scattered light by kind; None
-    without a file. derivatives: of the places by single numbers, as they are asked for.
+    without a file. derivatives: what sources derive from it, by key: see once.
     """
 
     setup: Setup
@@ -69,6 +70,12 @@ class MeasuredDesign:
         from irtscots_cl.budget.stray_paths import with_stray  # imported late: few budgets have such a file
 
         return with_stray(design, budget)
+
+    def once(self, key: str, make: Callable[[], FloatArray]) -> FloatArray:
+        """What is derived from the design under a key, made when it is first asked for."""
+        if key not in self.derivatives:
+            self.derivatives[key] = make()
+        return self.derivatives[key]
 
     def on(self, seen: SeenPixels) -> MeasuredDesign:
         """The same on other pixels."""

@@ -6,7 +6,6 @@ mount when the mirror is turned.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -16,8 +15,6 @@ from irtscots_cl.calibration.jacobian import design_centroids
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.scene.height_map import MirrorMap
 from irtscots_cl.scene.model import Scene
-
-_NAME = re.compile(r"map\.([1-9][0-9]{0,2})")
 
 
 @dataclass(frozen=True)
@@ -40,22 +37,16 @@ class MountedMap:
 
     def changes_mm(self, design: MeasuredDesign, value: float, draw: Draw) -> FloatArray:
         """Changes (du, dv) [2, n] of the places, in proportion to those at 1."""
-        if self.name not in design.derivatives:
-            there = mapped(design.setup.scene, [self.table])
-            design.derivatives[self.name] = design_centroids(there, design.setup, design.seen.pixels) - design.places_mm
-        return value * design.derivatives[self.name]
+        return value * design.once(self.name, lambda: self._changes_at_1(design))
+
+    def _changes_at_1(self, design: MeasuredDesign) -> FloatArray:
+        there = mapped(design.setup.scene, [self.table])
+        return design_centroids(there, design.setup, design.seen.pixels) - design.places_mm
 
 
 def mapped(scene: Scene, tables: Sequence[MirrorMap]) -> Scene:
     """A scene with these maps on its mirror, and no others."""
     return replace(scene, mirror=replace(scene.mirror, map=tuple(tables)))
-
-
-def mounted_map(name: str, maps: Sequence[MirrorMap]) -> MountedMap | None:
-    """The source of a name such as map.1, of these tables; None for another name, or where there is no such table."""
-    found = _NAME.fullmatch(name)
-    number = int(found[1]) if found else 0
-    return MountedMap(number, maps[number - 1]) if 0 < number <= len(maps) else None
 
 
 def known_maps(maps: Sequence[MirrorMap]) -> dict[str, MountedMap]:

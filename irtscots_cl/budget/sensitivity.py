@@ -23,9 +23,7 @@ from irtscots_cl.scene.validation import SceneError
 DRAWS = 32  # of a process: its rms to 12 %
 MANY_DRAWS = 512  # of one whose intervals are wanted: standard deviations to 3 %
 DIFFERENCE = 1e-3  # of the usual value, for derivatives by differences
-NONLINEAR = (
-    0.01  # share of the height, piston and tilt removed, that is not in proportion to the value, where linearity ends
-)
+NONLINEAR = 0.01  # share of the height, piston and tilt removed, out of proportion to the value, where linearity ends
 NOTHING_MM = 1e-10  # rms height: a source that does nothing but rounding
 SMALLER = 7  # values that are tried, each a tenth of the one before, until every pixel sees light
 NM = 1e6

@@ -88,10 +88,10 @@ def source_of(
 
         return stray_source(name, scene, stray)
     if maps:
-        from irtscots_cl.budget.mirror_map import mounted_map
+        from irtscots_cl.budget.mirror_map import known_maps
 
-        if (on_mount := mounted_map(name, maps)) is not None:
-            return on_mount
+        if name in (on_mount := known_maps(maps)):
+            return on_mount[name]
     if name == SceneNoise.name and has_noise(scene.camera.detector.noise):
         return SceneNoise()
     moving = next((prefix for prefix in (VIBRATION, DRIFT) if name.startswith(prefix)), "")

@@ -17,6 +17,7 @@ from scipy.ndimage import distance_transform_edt
 
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.procedure import Procedure
+from irtscots_cl.budget.sensitivity import NM
 from irtscots_cl.budget.source import Draw, Kind
 from irtscots_cl.imaging.stray_files import FILE, MAKE, StrayMaps, read_stray_maps
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
@@ -25,7 +26,6 @@ from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import problem
 
 MOST_WITHOUT = 0.1  # of the design's pixels, that have no value in a file
-NM = 1e6
 
 
 @dataclass(frozen=True)
@@ -147,11 +147,13 @@ def _none(values: FloatArray) -> BoolArray:
 
 def _chosen(design: MeasuredDesign, kind: str) -> tuple[FloatArray, FloatArray]:
     """Changes [1 + replicates, 2, n] and share of the direct light [n] of the design's pixels, all with a value."""
-    key = f"stray {kind}"
-    if key not in design.derivatives:
+
+    def filled() -> FloatArray:
         values, mask = _of_file(design, kind), design.seen.mask
         none = ~mask | _none(values)
         row, column = distance_transform_edt(none, return_distances=False, return_indices=True)
-        design.derivatives[key] = values[..., row, column][..., mask]
-    found = design.derivatives[key]
+        found: FloatArray = values[..., row, column][..., mask]
+        return found
+
+    found = design.once(f"stray {kind}", filled)
     return found[:, :2], found[0, 2]

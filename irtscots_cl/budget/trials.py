@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from irtscots_cl.budget.distributions import drawn, even_shares
-from irtscots_cl.budget.geometry import changes_and_view as geometry_view
+from irtscots_cl.budget.geometry import geometry_view
 from irtscots_cl.budget.joint import NONE, Joint, with_calibrated
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.procedure import Procedure, is_figure

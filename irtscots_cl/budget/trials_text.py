@@ -13,6 +13,7 @@ import numpy as np
 
 from irtscots_cl.budget.joint import NONE, Joint
 from irtscots_cl.budget.measured_design import MeasuredDesign
+from irtscots_cl.budget.sources import STRAY
 from irtscots_cl.budget.trial_blocks import TrialBlock, block_of
 from irtscots_cl.budget.trials import Trials
 from irtscots_cl.calibration.seen_pixels import SeenPixels, seen_pixels
@@ -21,7 +22,7 @@ from irtscots_cl.scene.error_sources import Air, Budget
 from irtscots_cl.scene.presets import parse_scene
 from irtscots_cl.scene.validation import problem
 
-OF_FILES = ("map.", "stray.ghosts", "stray.scatter")
+OF_FILES = ("map.", *STRAY)  # sources, or how their names begin
 
 
 def trials_text(trials: Trials) -> str:

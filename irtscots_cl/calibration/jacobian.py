@@ -70,7 +70,9 @@ def design_centroids(scene: Scene | Setup, design: Scene | Setup, pixels: Pixels
 
     pixels: as for centroid_jacobian. The scene's screen has as many pixels as the design's, which may have moved.
     """
-    return centroids_and_view(scene, design, pixels)[0]
+    setup = Setup.of(scene)
+    _, u, v = setup.chief_rays.reverse(*_pixels(setup.chief_rays, pixels))
+    return _on_grid(np.stack([u, v]), setup.scene, Setup.of(design).scene)
 
 
 def centroids_and_view(
