@@ -1,4 +1,5 @@
-"""HDF5 files of others: datasets are checked before their values are read; all that is wrong is one line."""
+"""HDF5 files: datasets with a unit are written; those of others are checked before their values are read, and all that
+is wrong is one line."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import numpy.typing as npt
 
 from irtscots_cl.maths.arrays import FloatArray
 
@@ -32,6 +34,14 @@ def groups_of(path: Path) -> tuple[str, ...]:
             return tuple(name for name in own if file.get(name, getclass=True) is h5py.Group)
     except (OSError, RuntimeError, KeyError):
         return ()
+
+
+def write_dataset(file: h5py.File, name: str, values: npt.ArrayLike, unit: str) -> h5py.Dataset:
+    """A compressed dataset with the attribute `unit`, where h5py makes the groups of its name."""
+    data = np.asarray(values)
+    dataset = file.create_dataset(name, data=data, compression="gzip", compression_opts=1, shuffle=True)
+    dataset.attrs["unit"] = unit
+    return dataset
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from irtscots_cl.formats.hdf5 import GroupReader, is_hdf5, opened
+from irtscots_cl.formats.hdf5 import GroupReader, is_hdf5, opened, write_dataset
 from irtscots_cl.imaging.orientation import stored, stored_shape, upright
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.statistics import jackknife_error
@@ -57,9 +57,7 @@ def write_stray_maps(path: Path, maps: Mapping[str, StrayMaps], scene: Scene, at
         file.attrs.update({**attributes, **own})
         for kind, found in maps.items():
             for name, values, unit in _datasets(found):
-                data = stored(values, orientation)
-                file.create_dataset(f"{kind}/{name}", data=data, compression="gzip", compression_opts=1, shuffle=True)
-                file[f"{kind}/{name}"].attrs["unit"] = unit
+                write_dataset(file, f"{kind}/{name}", stored(values, orientation), unit)
             file[kind].attrs.update(found.facts)
 
 

@@ -11,6 +11,7 @@ from irtscots_cl.budget.assess import ErrorBudget
 from irtscots_cl.budget.covariance import error_modes
 from irtscots_cl.budget.linear import error_parts
 from irtscots_cl.budget.sensitivity import NM
+from irtscots_cl.formats.hdf5 import write_dataset
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.system.atomic_files import replacing
 
@@ -30,17 +31,13 @@ def write_budget_file(found: ErrorBudget, path: Path, attributes: dict[str, str]
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
 
         def write(name: str, height_mm: FloatArray) -> h5py.Dataset:
-            values = seen.on_grid(height_mm * NM)
-            dataset = file.create_dataset(name, data=values, compression="gzip", compression_opts=1, shuffle=True)
-            dataset.attrs["unit"] = "nm"
-            return dataset
+            return write_dataset(file, name, seen.on_grid(height_mm * NM), "nm")
 
         for key, value in attributes.items():
             file.attrs[key] = value
         file.attrs["every_pixel"] = seen.step
         for name, place in (("mirror/x_mm", seen.x_mm), ("mirror/y_mm", seen.y_mm)):
-            file[name] = np.where(seen.mask, place, np.nan)
-            file[name].attrs["unit"] = "mm"
+            write_dataset(file, name, np.where(seen.mask, place, np.nan), "mm")
         file["detector/row"], file["detector/column"] = seen.row, seen.column
         for name, one in found.sensitivities.items():
             if name in given:

@@ -14,6 +14,7 @@ from irtscots_cl.calibration.heights import TERMS
 from irtscots_cl.calibration.judgement import FROM_DATA, FROM_PRIOR, prior_pulls
 from irtscots_cl.calibration.measured import base_name
 from irtscots_cl.calibration.parameters import parameter, zernike_noll
+from irtscots_cl.formats.hdf5 import write_dataset
 from irtscots_cl.maths.low_order import rms
 from irtscots_cl.measurement.quality import OK, Check
 from irtscots_cl.report.quality import check_facts
@@ -290,7 +291,7 @@ def write_calibration(path: Path, found: Calibrated, attributes: dict[str, str])
             ("change_nm", effects.change * 1e6, "nm"),
             ("standard_deviation_nm", spread * 1e6, "nm"),
         ):
-            _write(file, f"height/{name}", values, unit)
+            write_dataset(file, f"height/{name}", values, unit)
         file["height"].attrs["every pixel, in rows and columns"] = grid.step
 
 
@@ -298,13 +299,8 @@ def _write_residuals(file: h5py.File, group: str, fit: Adjustment, k: int) -> No
     m = fit.problem.measurements[k]
     left = m.on_grid(fit.left[k] * m.errors_mm)
     for name, values in (("x_mm", left[0]), ("y_mm", left[1])):
-        _write(file, f"{group}/residual/{name}", values, "mm")
+        write_dataset(file, f"{group}/residual/{name}", values, "mm")
     errors = m.on_grid(m.errors_mm)
     for name, values in (("x_standard_error_mm", errors[0]), ("y_standard_error_mm", errors[1])):
-        _write(file, f"{group}/residual/{name}", values, "mm")
-    _write(file, f"{group}/used", m.on_grid(fit.used[k].astype(float)) == 1.0, "1")
-
-
-def _write(file: h5py.File, name: str, values: np.ndarray, unit: str) -> None:
-    file.create_dataset(name, data=values, compression="gzip", compression_opts=1, shuffle=True)
-    file[name].attrs["unit"] = unit
+        write_dataset(file, f"{group}/residual/{name}", values, "mm")
+    write_dataset(file, f"{group}/used", m.on_grid(fit.used[k].astype(float)) == 1.0, "1")

@@ -10,6 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from irtscots_cl.formats.hdf5 import write_dataset
 from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.maths.integration import separate_islands
 from irtscots_cl.measurement.error_bars import ErrorBars
@@ -62,8 +63,7 @@ def write_rows(path: Path, rows: Rows, attributes: Mapping[str, str]) -> None:
             file.attrs[key] = value
         for name, values, unit in rows:
             interruption.check()
-            file.create_dataset(name, data=values, compression="gzip", compression_opts=1, shuffle=True)
-            file[name].attrs["unit"] = unit
+            write_dataset(file, name, values, unit)
 
 
 def _fringes(maps: FringeMaps) -> Rows:

@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from irtscots_cl.formats.hdf5 import write_dataset
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.imaging.orientation import stored, stored_shape
 from irtscots_cl.maths.integration import separate_islands
@@ -82,8 +83,7 @@ def _error_maps(result: Reconstruction, bars: ErrorBars | None) -> list[tuple[st
 
 def _write(file: h5py.File, name: str, values: np.ndarray, unit: str) -> None:
     interruption.check()
-    file.create_dataset(name, data=values, compression="gzip", compression_opts=1, shuffle=True)
-    file[name].attrs["unit"] = unit
+    write_dataset(file, name, values, unit)
 
 
 def _write_images(file: h5py.File, name: str, scan: Scan, values: np.ndarray, orientation: str) -> None:

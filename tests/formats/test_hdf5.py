@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from irtscots_cl.formats.hdf5 import GroupReader, groups_of, is_hdf5, opened
+from irtscots_cl.formats.hdf5 import GroupReader, groups_of, is_hdf5, opened, write_dataset
 
 
 @pytest.fixture
@@ -68,3 +68,16 @@ def test_broken_files_are_one_line(path, tmp_path):
     for other, message in ((tmp_path, "it is a folder"), (tmp_path / "no.h5", "there is no file of that name")):
         with pytest.raises(ValueError, match=message), opened(other):
             pass
+
+
+def test_a_dataset_is_written_with_its_unit(tmp_path):
+    values = np.random.default_rng(1).random((30, 20))
+    values[3, 4] = np.nan
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        assert write_dataset(file, "map/height", values, "nm").name == "/map/height"
+        write_dataset(file, "mask", values > 0.5, "1")
+    with h5py.File(tmp_path / "b.h5") as file:
+        found = file["map/height"]
+        np.testing.assert_array_equal(found[:], values)
+        assert found.attrs["unit"] == "nm" and found.compression == "gzip"
+        assert file["mask"].dtype == bool
