@@ -65,3 +65,21 @@ def irtscots(capsys):
         return code, out, err
 
     return call
+
+
+@pytest.fixture
+def fresh():
+    """A Dask cluster of two workers and its client, for tests that spoil them."""
+    import distributed
+    from dask_clusters import start
+
+    with start(2) as local, distributed.Client(local) as client:
+        yield local, client
+
+
+@pytest.fixture
+def impatient(monkeypatch):
+    """Short waits for a Dask cluster's workers and schedulers."""
+    from dask_clusters import be_impatient
+
+    be_impatient(monkeypatch)

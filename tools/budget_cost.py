@@ -21,15 +21,13 @@ from irtscots_cl.budget.monte_carlo import monte_carlo
 from irtscots_cl.budget.sensitivity import sensitivities
 from irtscots_cl.budget.sources import known_sources
 from irtscots_cl.budget.trials import Trials
-from irtscots_cl.imaging.recording import line_scan
 from irtscots_cl.measurement.methods import measure_by
 from irtscots_cl.opencl.device import select_device
 from irtscots_cl.optics.setup import Setup
-from irtscots_cl.pipeline.simulated_trial import MEASURE, RAYS_PER_PIXEL, trial_scene
+from irtscots_cl.pipeline.simulated_trial import MEASURE, RAYS_PER_PIXEL, trial_images, trial_scene
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.system.memory import peak_bytes
-from irtscots_cl.tracing.trace import trace
 
 SHARE = 0.1  # of each usual value
 SHARE_OF_TESTS = 1e-3  # so that all light stays on the screen: a test takes as long
@@ -48,10 +46,8 @@ def clocked(what: str, call: Callable[[], Any]) -> tuple[float, float]:
 def trace_and_measure(trials: Trials, trial: int, device: Any) -> None:
     """A trial as a test: traced as `irtscots run` does by default, and measured with the design's geometry."""
     scene, _ = trial_scene(trials, trial)
-    nominal = trials.design.setup
-    believed = replace(nominal.scene, screen=replace(nominal.scene.screen, response=scene.screen.response))
-    light = trace(Setup(scene), rays_per_pixel=RAYS_PER_PIXEL, seed=trial, device=device)
-    measure_by(MEASURE, light.images(line_scan(believed)), nominal)
+    nominal, options = trials.design.setup, {"rays_per_pixel": RAYS_PER_PIXEL, "seed": trial, "device": device}
+    measure_by(MEASURE, trial_images(Setup(scene), nominal, options), nominal)
 
 
 def compare(trials: Trials, tests: int, of_trials: tuple[float, float]) -> None:

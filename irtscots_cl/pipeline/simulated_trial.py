@@ -162,7 +162,7 @@ def simulate_trial(
     scene, held = trial_scene(trials, trial)
     nominal = Setup(_plain(trials.design.setup.scene))
     options = {"rays_per_pixel": rays_per_pixel, "seed": trials.budget.seed, "device": device} | trace_options
-    stacks = [_images(Setup(one), nominal, options) for one in (nominal.scene, scene)]
+    stacks = [trial_images(Setup(one), nominal, options) for one in (nominal.scene, scene)]
     whole = binary_erosion(nominal.chief_rays.footprint.coverage > 1 - 1e-9, np.ones((3, 3)))
     inner = _on_pixels(trials, whole)
     inside = [measure_by(MEASURE, stack.masked(whole), nominal) for stack in stacks]
@@ -177,8 +177,8 @@ def simulate_trial(
     )  # fmt: skip
 
 
-def _images(setup: Setup, nominal: Setup, options: dict[str, Any]) -> ImageStack:
-    """The images of a scene's screen, where its lines are believed to be."""
+def trial_images(setup: Setup, nominal: Setup, options: dict[str, Any]) -> ImageStack:
+    """The images of a scene's screen, where its lines are believed to be. options: of `trace`."""
     believed = replace(nominal.scene, screen=replace(nominal.scene.screen, response=setup.scene.screen.response))
     return trace(setup, **options).images(line_scan(believed))
 

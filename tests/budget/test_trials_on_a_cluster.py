@@ -14,7 +14,7 @@ import pytest
 
 distributed = pytest.importorskip("distributed", reason="pip install 'irtscots-cl[dask]'")
 
-from dask_clusters import addresses, at, be_impatient, program, run_other_code, shell_cluster, start  # noqa: E402
+from dask_clusters import MARKS, addresses, at, program, run_other_code, shell_cluster, start  # noqa: E402
 from small_budget import SOURCES, small_scene, small_trials  # noqa: E402
 
 from irtscots_cl.budget.monte_carlo import monte_carlo  # noqa: E402
@@ -25,11 +25,7 @@ from irtscots_cl.execution.dask.workers import AHEAD_PER_THREAD, Workers  # noqa
 from irtscots_cl.opencl.device import DeviceError  # noqa: E402
 from irtscots_cl.scene.error_sources import Budget  # noqa: E402
 
-pytestmark = [
-    pytest.mark.cluster,
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),  # distributed leaves sockets to the garbage collector
-    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
-]
+pytestmark = MARKS
 ROOT = Path(__file__).parents[2]
 FAILING = SOURCES | {"screen.tilt_x_rad": 1.2}  # a quarter of the trials have a screen that looks away
 MANY = 24 * BLOCK
@@ -41,18 +37,6 @@ def two():
     with start(2) as local, distributed.Client(local) as client:
         client.run(have_no_device)
         yield client
-
-
-@pytest.fixture
-def fresh():
-    """A cluster of two workers and its client, for tests that spoil them."""
-    with start(2) as local, distributed.Client(local) as client:
-        yield local, client
-
-
-@pytest.fixture
-def impatient(monkeypatch):
-    be_impatient(monkeypatch)
 
 
 def have_no_device():

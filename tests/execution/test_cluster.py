@@ -16,7 +16,7 @@ import pytest
 
 distributed = pytest.importorskip("distributed", reason="pip install 'irtscots-cl[dask]'")
 
-from dask_clusters import addresses, at, be_impatient, program, run_other_code, shell_cluster, start  # noqa: E402
+from dask_clusters import MARKS, addresses, at, program, run_other_code, shell_cluster, start  # noqa: E402
 from scenes import coarse  # noqa: E402
 
 from irtscots_cl.cli import main  # noqa: E402
@@ -35,11 +35,7 @@ from irtscots_cl.tracing.estimators.sequential import SequentialTask  # noqa: E4
 from irtscots_cl.tracing.options import TraceOptions  # noqa: E402
 from irtscots_cl.tracing.trace import trace  # noqa: E402
 
-pytestmark = [
-    pytest.mark.cluster,
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),  # distributed leaves sockets to the garbage collector
-    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
-]
+pytestmark = MARKS
 SMALL = {"rays_per_pixel": 600, "replicates": 2, "seed": 5}
 ROOT = Path(__file__).parents[2]
 MANY = 3000  # rays of a task, where there are to be many
@@ -50,18 +46,6 @@ def two():
     """A client of two workers, for tests that leave them as they are."""
     with start(2) as local, distributed.Client(local) as client:
         yield client
-
-
-@pytest.fixture
-def fresh():
-    """A cluster of two workers and its client, for tests that spoil them."""
-    with start(2) as local, distributed.Client(local) as client:
-        yield local, client
-
-
-@pytest.fixture
-def impatient(monkeypatch):
-    be_impatient(monkeypatch)
 
 
 def assert_same(far, near):

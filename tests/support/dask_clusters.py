@@ -10,6 +10,14 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
+
+MARKS = [
+    pytest.mark.cluster,
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),  # distributed leaves sockets to the garbage collector
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
+
 
 def start(workers: int):
     """A cluster of so many workers of one thread each."""
