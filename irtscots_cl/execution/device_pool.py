@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from irtscots_cl.execution.launch_plan import RateMeter, RayBlock
-from irtscots_cl.execution.task import Tracer
+from irtscots_cl.execution.task import Tracer, add_to
 from irtscots_cl.opencl.device import Device, DeviceError, describe_together, merge_descriptions
 
 SHARE = 0.5  # of a device's share by its speed, taken at a time: the rest evens out errors of the speeds
@@ -74,7 +74,9 @@ class DevicePool:
         self.first_launch_rays = sum(member.tracer.first_launch_rays for member in members)
         self.rate_meter = RateMeter()
         self.fingerprint = merge_descriptions([member.tracer.fingerprint for member in members])
+        self.sums_shapes = first.sums_shapes
         self._taken: tuple[np.ndarray, ...] | None = None  # sums that were taken from the devices
+        self._into: tuple[np.ndarray, ...] = ()
         self._todo: list[tuple[int, RayBlock]] = []
         self._lock, self._pool = threading.Lock(), ThreadPoolExecutor(len(members))
 
@@ -90,6 +92,14 @@ class DevicePool:
         for member in list(self._members):
             member.done.clear()
             self._clear(member)
+
+    def begin(self, sums: tuple[np.ndarray, ...]) -> None:
+        self._into = sums
+        self.clear()
+
+    def collect(self) -> None:
+        add_to(self._into, self.sums())
+        self._taken = None
 
     def launch(self, replicate: int, block: RayBlock) -> None:
         started = time.perf_counter()

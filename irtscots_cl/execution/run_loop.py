@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
@@ -21,8 +20,7 @@ def run_rays(tracer: Tracer, rays: np.ndarray, control: RunControl = RunControl(
     checkpoint, progress = control.checkpoint, control.progress
     total, end, cursor = int(rays.sum()) * tracer.sources, Cursor(len(rays)), Cursor()
     tracer.rate_meter.kernel_seconds = 0.0
-    tracer.clear()
-    found = tuple(np.zeros((len(rays), *array.shape), array.dtype) for array in tracer.sums())
+    found = tuple(np.zeros((len(rays), *shape), np.uint64) for shape in tracer.sums_shapes)
     if checkpoint is not None:
         cursor = checkpoint.begin(tracer.fingerprint, rays, tracer.sources, tracer.max_rays_per_item, found)
     if progress is not None and cursor != Cursor():
@@ -30,30 +28,24 @@ def run_rays(tracer: Tracer, rays: np.ndarray, control: RunControl = RunControl(
     while cursor != end:
         replicate, of_replicate = cursor.replicate, int(rays[cursor.replicate])
         size = _launch_size(tracer, control.launch_rays)
+        tracer.begin(tuple(array[replicate] for array in found))
         for block in plan_launches(tracer.sources, of_replicate, size, tracer.max_rays_per_item, cursor):
             tracer.launch(replicate, block)
             cursor = cursor.after(block, tracer.sources, of_replicate)
             if progress is not None:
                 progress(cursor.rays_before(rays, tracer.sources), total)
             if cursor.replicate > replicate:
-                _collect(tracer, found, replicate)
+                tracer.collect()
                 if control.on_replicate is not None and cursor != end:
                     control.on_replicate(tuple(array[: cursor.replicate] for array in found))
             if checkpoint is None:
                 interruption.check()
             elif cursor != end:
                 seconds = tracer.rate_meter.kernel_seconds
-                checkpoint.launched(cursor, seconds, partial(_collect, tracer, found, cursor.replicate))
+                checkpoint.launched(cursor, seconds, tracer.collect)
     if checkpoint is not None:
         checkpoint.ended(cursor, tracer.rate_meter.kernel_seconds)
     return found
-
-
-def _collect(tracer: Tracer, found: tuple[np.ndarray, ...], replicate: int) -> None:
-    """Move the tracer's sums to the replicate's."""
-    for all_of, array in zip(found, tracer.sums(), strict=True):
-        all_of[replicate] += array
-    tracer.clear()
 
 
 def _launch_size(tracer: Tracer, launch_rays: int | None) -> Callable[[], int]:

@@ -62,8 +62,8 @@ class TraceTask(Protocol):
 class Tracer(Protocol):
     """A task on a device or on several: DeviceTracer, DevicePool.
 
-    sources, max_rays_per_item, first_launch_rays: as of the task. rate_meter: of the launches so far. fingerprint: as
-    of TraceProgram.
+    sources, sums_shapes, max_rays_per_item, first_launch_rays: as of the task. rate_meter: of the launches so far.
+    fingerprint: as of TraceProgram. Either `clear` and `sums` are used, or `begin` and `collect`.
     """
 
     sources: int
@@ -71,6 +71,9 @@ class Tracer(Protocol):
     first_launch_rays: int
     rate_meter: RateMeter
     fingerprint: Fingerprint
+
+    @property
+    def sums_shapes(self) -> tuple[tuple[int, ...], ...]: ...
 
     def clear(self) -> None:
         """Set the sums to zero."""
@@ -80,3 +83,15 @@ class Tracer(Protocol):
 
     def sums(self) -> tuple[np.ndarray, ...]:
         """The sums of all launches since the last clear: integers, so they do not depend on the launches."""
+
+    def begin(self, sums: tuple[np.ndarray, ...]) -> None:
+        """Launches from here on add to these arrays of the host, which may be read after `collect` only."""
+
+    def collect(self) -> None:
+        """Let the arrays of `begin` hold all launches since then."""
+
+
+def add_to(sums: tuple[np.ndarray, ...], more: tuple[np.ndarray, ...]) -> None:
+    """Add arrays to others in place."""
+    for array, found in zip(sums, more, strict=True):
+        array += found

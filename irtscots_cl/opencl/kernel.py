@@ -55,6 +55,19 @@ class Workspace:
         """A device copy of the array, read-only for kernels."""
         return self._allocate(array.nbytes, cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR, array)
 
+    def share(self, array: np.ndarray) -> cl.Buffer:
+        """The array itself as device memory that kernels read and write; read it after `arrived` only."""
+        return self._allocate(array.nbytes, cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR, array)
+
+    def arrived(self, buffer: cl.Buffer, array: np.ndarray) -> None:
+        """Wait for all earlier launches, until a shared array holds what they wrote."""
+        with driver_errors(self.device):
+            mapped, _ = cl.enqueue_map_buffer(
+                self.device.queue, buffer, cl.map_flags.READ, 0, array.shape, array.dtype, is_blocking=True
+            )
+            mapped.base.release(self.device.queue)
+            self.device.queue.finish()
+
     def empty(self, nbytes: int) -> cl.Buffer:
         """Uninitialised device memory that kernels read and write."""
         return self._allocate(nbytes, cl.mem_flags.READ_WRITE)

@@ -44,6 +44,7 @@ class Counted:
         self.sources, self.max_rays_per_item, self.first_launch_rays = sources, per_item, 40
         self.rate_meter, self.fingerprint, self.launches = RateMeter(), {"code": "a"}, 0
         self.fails_at, self.fails_in_sums, self.seconds_per_ray = fails_at, fails_in_sums, seconds_per_ray
+        self.sums_shapes = ((sources, most),)
         self.counts = np.zeros((sources, most), np.uint64)
 
     def clear(self):

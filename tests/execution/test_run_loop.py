@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from counting_job import RAYS, SOURCES, CountingJob, same
 from synthetic import small_scene
+from tracers import tracer_of
 
 from irtscots_cl.execution import checkpoint
 from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
@@ -217,3 +218,14 @@ def test_other_paths_are_no_part_of_a_kept_trace(device, tmp_path, monkeypatch):
     monkeypatch.setattr("irtscots_cl.tracing.estimators.nonsequential.PILOT_RAYS", 2**14)
     with pytest.raises(ValueError, match="of another run: other paths"):
         trace_paths(GHOSTS, **options, keeper=Checkpoints(tmp_path / "kept", resume=True))
+
+
+def test_what_a_run_found_is_not_cleared_with_the_tracer(device):
+    """On a CPU the sums are the arrays that a run returns, and no copy of them."""
+    tracer = tracer_of(small_scene(), device, TraceOptions())
+    first = run_rays(tracer, np.array([64, 64]))
+    kept = [array.copy() for array in first]
+    tracer.clear()
+    assert all(not array.any() for array in tracer.sums())
+    again = run_rays(tracer, np.array([64, 64]))
+    assert kept[0].any() and same(first, kept) and same(again, kept)

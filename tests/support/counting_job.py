@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from irtscots_cl.execution.launch_plan import RateMeter
+from irtscots_cl.execution.task import add_to
 
 SOURCES, PER_ITEM = 5, 4
 RAYS = np.array([13, 13, 12])  # of each replicate
@@ -19,12 +20,20 @@ class CountingJob:
         """size: of a stream's sums, all alike but in what each ray adds."""
         self.rate_meter, self.fingerprint, self.launches = RateMeter(), {"code": "ab" * 16}, []
         self._words = np.arange(1, size + 1, dtype=np.uint64)
+        self.sums_shapes = (SOURCES, size), (3,)
         self._seed = np.uint64(seed)
         self.clear()
 
     def clear(self):
-        self._of_stream = np.zeros((SOURCES, len(self._words)), np.uint64)
-        self._of_all = np.zeros(3, np.uint64)
+        self._of_stream, self._of_all = (np.zeros(shape, np.uint64) for shape in self.sums_shapes)
+
+    def begin(self, sums):
+        self._into = sums
+        self.clear()
+
+    def collect(self):
+        add_to(self._into, self.sums())
+        self.clear()
 
     def launch(self, replicate, block):
         first_source, sources, first_ray, rays = block
