@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.system import interruption
 
+_AT_ONCE = 2**14  # vectors that are turned between looks for a signal
 ALONG_Y = 1e-12  # rad from the world's Y axis, about the rounding of positions: a device so near to it looks along it
 
 
@@ -81,10 +82,11 @@ def turned(vectors: FloatArray, axes: FloatArray) -> FloatArray:
     """The product vectors [..., 3] @ axes [3, 3], in parts, so that a signal need not wait for a large one."""
     if vectors.ndim < 3:
         return vectors @ axes
-    result = np.empty(vectors.shape)
-    for part, out in zip(vectors, result, strict=True):
+    flat, result = vectors.reshape(-1, 3), np.empty(vectors.shape)
+    into = result.reshape(-1, 3)
+    for first in range(0, len(flat), _AT_ONCE):
         interruption.check()
-        np.matmul(part, axes, out=out)
+        np.matmul(flat[first : first + _AT_ONCE], axes, out=into[first : first + _AT_ONCE])
     return result
 
 

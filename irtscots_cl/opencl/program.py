@@ -22,6 +22,8 @@ from irtscots_cl.opencl.device import Device, DeviceError, first_line
 from irtscots_cl.opencl.pocl_cache import PLATFORM, cache_problem
 from irtscots_cl.opencl.structs import PRECISIONS, c_declarations
 
+BLOCK = 256  # rays of a block: their data (22 KiB) fits the L1 cache
+LEAST_BLOCK = 16  # random words come by so many
 _INCLUDE = re.compile(r'^#include "([a-z0-9_]+(?:_\*)?\.cl)"\s*$')
 
 
@@ -66,13 +68,15 @@ def compose(
     constants: dict[str, tuple[int, ...]] | None = None,
     macros: dict[str, str] | None = None,
     first: tuple[str, ...] = (),
+    block: int = BLOCK,
 ) -> Source:
     """Source of the kernel file `entry` with all files that it includes.
 
     entry: the name of a kernel file, or the path of a file elsewhere that includes some of them.
     choices: family -> member, e.g. {"surface": "sphere"}; structs, constants: see structs.c_declarations.
     width: rays side by side in a work-item, 1, 8 or 16. macros: "NAME(arguments)" -> text.
-    first: files that come before the entry, with what they include.
+    first: files that come before the entry, with what they include. block: rays that a work-item with several side by
+    side traces from stage to stage, a power of two from 16 on.
     """
     choices = choices | {
         "real": "float" if precision == "fp32" else "double",
@@ -85,7 +89,7 @@ def compose(
     declarations = _pragma(precision) + c_declarations(structs, constants)
     declarations += "".join(f"#define {name} {text}\n" for name, text in (macros or {}).items())
     text = '#line 1 "interface (generated)"\n' + declarations + "".join(pieces)
-    options = (f"-DWIDTH={width}",) if width > 1 else ()
+    options = (f"-DWIDTH={width}", f"-DBLOCK={block}") if width > 1 else ()
     return Source(text, (*options, "-cl-std=CL1.2"), tuple(files), precision)
 
 

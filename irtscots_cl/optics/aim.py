@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from irtscots_cl.maths.frame import Frame
-from irtscots_cl.optics.chief_rays import RIM, ChiefRays
+from irtscots_cl.optics.aperture_rims import RIM
+from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.screen_facets import ScreenFacets
 from irtscots_cl.optics.surface import Surface
 
@@ -179,7 +180,7 @@ def _footprint_directions(chief: ChiefRays, whole: Aim, slack: float):
     pitch = np.array(screen.pitch_xy_mm)
     four = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]], 2)[sees]
     margin_mm = float(np.hypot(*pitch)) / 2 + slack * pitch.max()
-    centre, to_aperture, reach = (values[sees] for values in _landing(chief, margin_mm))
+    centre, to_aperture, reach = _landing(chief, margin_mm)
     known = np.isfinite(reach) & np.isfinite(four).all((1, 2))
     four, centre, to_aperture, reach = four[known], centre[known], to_aperture[known], reach[known]
     lowest, highest = (edge[sees][known] for edge in chief.landing_range())
@@ -199,18 +200,20 @@ def _footprint_directions(chief: ChiefRays, whole: Aim, slack: float):
 
 
 def _landing(chief: ChiefRays, margin_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The place on the screen that each detector pixel's light comes from, by its local linear map.
+    """The place on the screen that the light of each of n detector pixels that see the mirror comes from, by its local
+    linear map.
 
-    Near a caustic this map says little, and landing_range says more. Returns centre [rows, columns, 2] in mm;
-    to_aperture [rows, columns, 2, 2], the map from there to the camera's aperture, in its radii; reach [rows, columns],
-    also in radii: screen pixels whose centres are closer light the pixel. reach is widened by margin_mm.
+    Near a caustic this map says little, and landing_range says more. Returns centre [n, 2] in mm; to_aperture [n, 2,
+    2], the map from there to the camera's aperture, in its radii; reach [n], also in radii: screen pixels whose centres
+    are closer light the pixel. reach is widened by margin_mm.
     """
-    rim = np.stack(chief.rims[1:], -1)
+    sees = chief.sees_mirror
+    rim = np.stack(chief.rims.at(np.flatnonzero(sees))[1:], -1)
     centre = rim.mean(-2)
-    linear = np.einsum("...ku,ka->...ua", rim, RIM) * (2 / len(RIM))  # [rows, columns, (u, v), (a, b)], a, b in radii
+    linear = np.einsum("...ku,ka->...ua", rim, RIM) * (2 / len(RIM))  # [n, (u, v), (a, b)], a, b in radii
     left = np.linalg.norm(rim - centre[..., None, :] - RIM @ linear.swapaxes(-1, -2), axis=-1).max(-1)
     corners = np.stack(chief.corners[1:], -1)
-    four = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]])
+    four = np.stack([part[sees] for part in (corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:])])
     spread = np.linalg.norm(four - centre, axis=-1).max(0)
     known = np.isfinite(linear).all((-1, -2)) & (np.abs(np.linalg.det(np.nan_to_num(linear))) > 0)
     to_aperture = np.linalg.inv(np.where(known[..., None, None], linear, np.eye(2)))
@@ -220,7 +223,8 @@ def _landing(chief: ChiefRays, margin_mm: float) -> tuple[np.ndarray, np.ndarray
 
 def _blur(chief: ChiefRays) -> float:
     """How far directions extend beyond those from a pixel's centre to footprints: half a pixel plus aperture blur."""
-    mirror, screen, facets = chief.rims[0][chief.sees_mirror], chief.scene.screen, ScreenFacets.of(chief)
+    mirror, _, _ = chief.rims.at(np.flatnonzero(chief.sees_mirror))
+    screen, facets = chief.scene.screen, ScreenFacets.of(chief)
     blur = np.nanmax(np.linalg.norm(mirror - np.nanmean(mirror, -2, keepdims=True), axis=-1), initial=0.0)
     distance = np.nanmin(np.linalg.norm(mirror - np.array(screen.position_mm), axis=-1))
     reach = np.linalg.norm(np.array(screen.pixels) * screen.pitch_xy_mm) / 2 + np.linalg.norm(screen.centre_offset_mm)

@@ -7,12 +7,16 @@ All maps have the detector's shape [rows, columns]; coordinates in mm.
 from __future__ import annotations
 
 import math
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from irtscots_cl.maths.frame import Frame, turned
+from irtscots_cl.optics.aperture_rims import RIM, ApertureRims
 from irtscots_cl.optics.camera_model import CameraModel, camera_frame
 from irtscots_cl.optics.screen_model import ScreenModel
 from irtscots_cl.optics.surface import Surface
@@ -23,9 +27,11 @@ from irtscots_cl.system.memory import check_memory
 
 BYTES_PER_PIXEL = 1900  # peak memory while the maps are made; measured
 SUBPIXELS = 16  # per axis, in pixels that the mirror's edge crosses: footprint areas are accurate to about 0.5 %
-MANY_RAYS = 2**20  # traced at once; more rays go in parts of
-RAYS_OF_PART = 2**16  # whose dozens of arrays take little memory and stay near the processor
-RIM = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], -1)
+RAYS_OF_PART = 2**14  # traced at once: their dozens of arrays take little memory and stay near the processor
+MANY_RAYS = 2**18  # from which several threads trace parts
+WORKERS = min(4, os.cpu_count() or 1)
+SAMPLED = 32  # rows and columns of pixels that tell how much room near the mirror is enough
+ROOM = 2.0  # times the blur of those
 
 
 @dataclass(frozen=True)
@@ -90,20 +96,27 @@ class ChiefRays:
         the camera; the rim is ignored) and the places (u, v) on the screen's grid of pixels [mm], which for a flat
         screen is its frame's plane (NaN also where the reflected ray does not come onto the screen's front).
         """
-        shape = np.broadcast_shapes(*(np.shape(v) for v in (row, column, a_mm, b_mm)))
-        if math.prod(shape) <= MANY_RAYS:
+        rays = np.broadcast_arrays(row, column, a_mm, b_mm)
+        if rays[0].size <= RAYS_OF_PART:
             return self._reverse(row, column, a_mm, b_mm)
-        row, column, a_mm, b_mm = np.broadcast_arrays(row, column, a_mm, b_mm)
-        points, u, v = np.empty((*row.shape, 3)), np.empty(row.shape), np.empty(row.shape)
-        axis = int(np.argmax(row.shape))
-        step = max(1, RAYS_OF_PART * row.shape[axis] // row.size)
-        for first in range(0, row.shape[axis], step):
-            part = (*(slice(None),) * axis, slice(first, first + step))
-            points[part], u[part], v[part] = self._reverse(row[part], column[part], a_mm[part], b_mm[part])
+        shape = rays[0].shape
+        points, u, v = np.empty((*shape, 3)), np.empty(shape), np.empty(shape)
+        axis = int(np.argmax(shape))
+
+        def fill(some: slice) -> None:
+            part = (*(slice(None),) * axis, some)
+            points[part], u[part], v[part] = self._reverse(*(values[part] for values in rays))
+
+        _for_parts(shape[axis], math.prod(shape), fill)
         return points, u, v
 
     def _reverse(self, row, column, a_mm, b_mm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same for few rays."""
+        points, outgoing = self._to_mirror(row, column, a_mm, b_mm)
+        return points, *self.screen_model.arrive(points, outgoing)
+
+    def _to_mirror(self, row, column, a_mm=0.0, b_mm=0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Mirror points and reflected directions [..., 3] of few rays."""
         interruption.check()
         camera, frame = self.scene.camera, self.camera_frame
         image_x, image_y = self.camera_model.image_point(row, column)
@@ -116,7 +129,7 @@ class ChiefRays:
         interruption.check()
         behind = (points[..., 2] - start[..., 2]) * directions[..., 2] < 0  # where the line meets it backwards
         points[behind] = np.nan
-        return points, *self.screen_model.arrive(points, outgoing)
+        return points, outgoing
 
     def pixel(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray]:
         """Fractional (row, column) of the pixels whose chief rays meet the surface at points of the mirror: what
@@ -142,18 +155,36 @@ class ChiefRays:
         return self.reverse(*np.meshgrid(np.arange(rows + 1) - 0.5, np.arange(columns + 1) - 0.5, indexing="ij"))
 
     @cached_property
-    def rims(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rays from the pixels' centres through eight points of the aperture's rim, [rows, columns, 8]."""
-        rows, columns = self.shape
-        row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
+    def rims(self) -> ApertureRims:
+        """Rays through the aperture's rim, of the wanted pixels whose light may come from the mirror."""
+        room = ROOM * self._sampled_blur_mm + self._corner_distance
+        rims = self._rims_of(self.wanted & ~self._parted(room)[2])
+        return rims if self._margin(rims) <= room else self._rims_of(self.wanted)
+
+    @cached_property
+    def _sampled_blur_mm(self) -> float:
+        """Blur of the aperture on the mirror, of pixels all over the detector and on its border."""
+        sample = np.zeros(self.shape, bool)
+        steps = [max(1, count // SAMPLED) for count in self.shape]
+        sample[steps[0] // 2 :: steps[0], steps[1] // 2 :: steps[1]] = True
+        sample[[0, -1]] = sample[:, [0, -1]] = True
+        return self._rims_of(sample if self.every == 1 else sample & self.wanted).blur_mm
+
+    def _rims_of(self, chosen: np.ndarray) -> ApertureRims:
+        pixels = np.flatnonzero(chosen)
+        row, column = np.divmod(pixels[:, None], self.shape[1])
         a, b = (self.scene.camera.aperture_diameter_mm / 2 * RIM).T
-        if self.every == 1:
-            return self.reverse(row[..., None], column[..., None], a, b)
-        found = self.reverse(row[self.wanted][:, None], column[self.wanted][:, None], a, b)
-        maps = tuple(np.full((rows, columns, *values.shape[1:]), np.nan) for values in found)
-        for on_grid, values in zip(maps, found, strict=True):
-            on_grid[self.wanted] = values
-        return maps[0], maps[1], maps[2]
+        return ApertureRims(self.shape, pixels, *self.reverse(row, column, a, b))
+
+    @cached_property
+    def _corner_distance(self) -> float:
+        """Largest distance between opposite corners of pixels on the mirror."""
+        corners = self.corners[0]
+        return float(np.nanmax(np.linalg.norm(corners[1:, 1:, :2] - corners[:-1, :-1, :2], axis=-1), initial=0.0))
+
+    def _margin(self, rims: ApertureRims) -> float:
+        """How far from the mirror a pixel's footprint may be for light to reach it [mm]."""
+        return max(rims.blur_mm, self._sampled_blur_mm) + self._corner_distance / SUBPIXELS
 
     @cached_property
     def footprint(self) -> Footprint:
@@ -161,6 +192,15 @@ class ChiefRays:
         return self._footprint(0.0)
 
     def _footprint(self, margin_mm: float) -> Footprint:
+        inside, edge, _ = self._parted(margin_mm)
+        maps = np.full((4, *self.shape), np.nan)
+        coverage = np.zeros(self.shape)
+        for pixels, per_axis in ((inside, 2), (edge, SUBPIXELS)):
+            maps[:, pixels], coverage[pixels] = self._sampled(*np.nonzero(pixels), per_axis, margin_mm)
+        return Footprint(*maps, coverage)
+
+    def _parted(self, margin_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pixels [rows, columns] whose footprints lie in the mirror widened by a margin, on its edge, or outside."""
         corners = self.corners[0][..., :2]
         radius = np.hypot(corners[..., 0], corners[..., 1])
         of_pixel = np.stack([radius[:-1, :-1], radius[1:, :-1], radius[:-1, 1:], radius[1:, 1:]])
@@ -177,17 +217,11 @@ class ChiefRays:
                 inside, outside = inside & (of_corners.min(0) > diagonal), outside | (of_corners.max(0) < -diagonal)
         if self.every > 1:
             inside, outside = inside & self.wanted, outside | ~self.wanted
-        maps = np.full((4, *self.shape), np.nan)
-        coverage = np.zeros(self.shape)
-        for pixels, per_axis in ((inside, 2), (~inside & ~outside, SUBPIXELS)):
-            maps[:, pixels], coverage[pixels] = self._sampled(*np.nonzero(pixels), per_axis, margin_mm)
-        return Footprint(*maps, coverage)
+        return inside, ~inside & ~outside, outside
 
     def _sampled(self, row, column, per_axis: int, margin_mm: float) -> tuple[np.ndarray, np.ndarray]:
         """Means of x, y, u, v [4, n] and covered fraction [n] of pixels (row, column) [n], per_axis^2 rays each."""
-        # two points per axis: the Gauss rule, exact for a footprint's cubic distortion
-        step = np.array([-0.5, 0.5]) / np.sqrt(3.0) if per_axis == 2 else (np.arange(per_axis) + 0.5) / per_axis - 0.5
-        step_row, step_column = (s.ravel() for s in np.meshgrid(step, step, indexing="ij"))
+        step_row, step_column = _steps(per_axis)
         points, u, v = self.reverse(row[:, None] + step_row, column[:, None] + step_column)
         with np.errstate(invalid="ignore", divide="ignore"):
             on = self.surface.contains(points[..., 0], points[..., 1], margin_mm)
@@ -198,10 +232,23 @@ class ChiefRays:
     @cached_property
     def sees_mirror(self) -> np.ndarray:
         """Pixels [rows, columns] that light from the mirror can reach through any point of the aperture."""
-        corners, rims = self.corners[0], self.rims[0]
-        size = np.nanmax(np.linalg.norm(corners[1:, 1:, :2] - corners[:-1, :-1, :2], axis=-1), initial=0.0)
-        blur = np.nanmax(np.abs(rims - rims.mean(-2, keepdims=True)), initial=0.0)  # footprint of one image point
-        return self._footprint(float(blur + size / SUBPIXELS)).coverage > 0
+        margin = self._margin(self.rims)
+        inside, edge, _ = self._parted(margin)
+        seen = inside.copy()  # no need to ask rays
+        seen[edge] = self._touched(*np.nonzero(edge), margin)
+        return seen
+
+    def _touched(self, row, column, margin_mm: float) -> np.ndarray:
+        """Whether any of SUBPIXELS^2 rays of pixels (row, column) [n] meets the mirror widened by a margin."""
+        step_row, step_column = _steps(SUBPIXELS)
+        touched = np.zeros(len(row), bool)
+
+        def fill(part: slice) -> None:
+            points, _ = self._to_mirror(row[part][:, None] + step_row, column[part][:, None] + step_column)
+            touched[part] = self.surface.contains(points[..., 0], points[..., 1], margin_mm).any(1)
+
+        _for_parts(len(row), len(row) * step_row.size, fill)
+        return touched
 
     def landing_range(self) -> tuple[np.ndarray, np.ndarray]:
         """Screen columns and rows (fractional indices) that can light each pixel.
@@ -211,12 +258,11 @@ class ChiefRays:
         """
         screen = self.scene.screen
         _, corner_u, corner_v = self.corners
-        _, rim_u, rim_v = self.rims
         lowest, highest = [], []
         grid = zip(screen.centre_offset_mm, screen.pitch_xy_mm, screen.pixels, strict=True)
-        for corner, rim, (offset, pitch, count) in zip((corner_u, corner_v), (rim_u, rim_v), grid, strict=True):
+        for k, (corner, (offset, pitch, count)) in enumerate(zip((corner_u, corner_v), grid, strict=True)):
             four = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]])
-            reach = (rim.max(-1) - rim.min(-1)) / 2 * 1.1  # eight rim points reach at least 0.92 of the true extreme
+            reach = self.rims.half_range(k) * 1.1  # eight rim points reach at least 0.92 of the true extreme
             for edge, out in ((np.fmin.reduce(four) - reach, lowest), (np.fmax.reduce(four) + reach, highest)):
                 out.append((edge - offset) / pitch + (count - 1) / 2)
         return np.stack(lowest, -1), np.stack(highest, -1)
@@ -227,11 +273,33 @@ class ChiefRays:
         Returns the half-width of the aperture's image, and the widths of the pixel's own image along its row step and
         its column step: the profile is the aperture's chord spread over these two boxes.
         """
-        corner, rim = self.corners[1 + k], self.rims[1 + k]
-        half_width = np.hypot(rim @ RIM[:, 0], rim @ RIM[:, 1]) / (len(RIM) / 2)
+        corner = self.corners[1 + k]
         along_row = (corner[1:, :-1] - corner[:-1, :-1] + corner[1:, 1:] - corner[:-1, 1:]) / 2
         along_column = (corner[:-1, 1:] - corner[:-1, :-1] + corner[1:, 1:] - corner[1:, :-1]) / 2
-        return half_width, np.abs(along_row), np.abs(along_column)
+        return self.rims.half_width(k), np.abs(along_row), np.abs(along_column)
+
+
+def _steps(per_axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places [per_axis^2] within a pixel, in rows and columns from its centre.
+
+    Two points per axis: the Gauss rule, exact for a footprint's cubic distortion.
+    """
+    step = np.array([-0.5, 0.5]) / np.sqrt(3.0) if per_axis == 2 else (np.arange(per_axis) + 0.5) / per_axis - 0.5
+    row, column = np.meshgrid(step, step, indexing="ij")
+    return row.ravel(), column.ravel()
+
+
+def _for_parts(length: int, rays: int, act: Callable[[slice], None]) -> None:
+    """act(part) for parts of `length` things with so many rays, of RAYS_OF_PART each; where there are many on several
+    threads."""
+    step = max(1, RAYS_OF_PART * length // max(rays, 1))
+    parts = [slice(first, first + step) for first in range(0, length, step)]
+    if rays < MANY_RAYS:
+        for part in parts:
+            act(part)
+        return
+    with ThreadPoolExecutor(WORKERS) as pool:
+        list(pool.map(act, parts))
 
 
 def trace_chief_rays(scene: Scene) -> ChiefRays:

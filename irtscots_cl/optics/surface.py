@@ -137,10 +137,14 @@ class Surface:
             x, y = x0 + p * z, y0 + q * z
         slope_x, slope_y = self.gradient(x, y)
         interruption.check()
-        normal = np.stack([-slope_x, -slope_y, np.ones_like(z)], -1)
-        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        length = np.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
+        normal = -slope_x / length, -slope_y / length, 1.0 / length
         interruption.check()
-        outgoing = directions - 2.0 * np.sum(directions * normal, -1, keepdims=True) * normal
+        along = [directions[..., axis] * part for axis, part in enumerate(normal)]
+        twice = 2.0 * (along[0] + along[1] + along[2])
+        outgoing = np.empty(directions.shape)
+        for axis, part in enumerate(normal):
+            np.subtract(directions[..., axis], twice * part, out=outgoing[..., axis])
         return np.stack([x, y, z], -1), outgoing
 
     def _follow_deviation(self, x0, y0, p, q, base, steps: int, until_near: bool) -> np.ndarray:

@@ -7,13 +7,14 @@ from math import cos, radians, sin
 
 import numpy as np
 
+from irtscots_cl.opencl.program import BLOCK
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.stability.checks import Bench, Case, Finding, Limit, count, finding
 from irtscots_cl.stability.exact import NUMBERS, adjoint_landing, error
-from irtscots_cl.tracing.checks.probes import BLOCK, AdjointPaths, PathProbe, uniform_centred
+from irtscots_cl.tracing.checks.probes import AdjointPaths, PathProbe, uniform_centred
 from irtscots_cl.tracing.packing.sources import receivers
 
 PIXELS = 8  # detector pixels across; all are probed

@@ -1,4 +1,5 @@
-// Vector types for CPUs: WIDTH rays side by side in one work-item (a build option: 8 or 16).
+// Vector types for CPUs: WIDTH rays side by side in one work-item (a build option: 8 or 16). BLOCK, the rays between two
+// compactions, is a build option, too.
 //
 // Only operators and compiler builtins are used on vectors, never library functions. Some CPU drivers build their
 // function library for another instruction set than the kernels, so a 512-bit argument would be passed in the wrong
@@ -19,8 +20,6 @@ typedef struct { realv x, y, z; } vec3v;
 #define WORD_LANES 16
 typedef uint16 wordv;
 
-// Rays between two compactions. The data of a block (22 KiB) fits the L1 cache.
-#define BLOCK 256
 #define BLOCK_VECTORS (BLOCK / WIDTH)
 
 #define to_real(v) __builtin_convertvector(v, realv)

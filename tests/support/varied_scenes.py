@@ -96,10 +96,10 @@ def _with_screen(scene: Scene, chance: random.Random) -> Scene:
     chief = ChiefRays(scene)
     inside = np.hypot(*np.moveaxis(chief.corners[0][..., :2], -1, 0)) <= scene.mirror.diameter_mm / 2
     spans, middles, spots = [], [], []
-    for corner, rim in zip(chief.corners[1:], chief.rims[1:], strict=True):
+    for k, corner in enumerate(chief.corners[1:]):
         lit = corner[inside]
         whole = inside[1:, 1:] & inside[:-1, :-1]
-        blur = np.ptp(rim, axis=-1)[whole]
+        blur = 2 * chief.rims.half_range(k)[whole]
         spots.append(np.median(blur + np.abs(corner[1:, 1:] - corner[:-1, :-1])[whole]))
         spans.append(np.ptp(lit) + 2.5 * blur.max())
         middles.append(float(np.round((lit.max() + lit.min()) / 2, 3)))

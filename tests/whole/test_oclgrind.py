@@ -23,7 +23,7 @@ from irtscots_cl.formats.height_map import HeightMap
 from irtscots_cl.opencl import program, selftest
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
-from irtscots_cl.opencl.program import compose, kernel_files
+from irtscots_cl.opencl.program import BLOCK, compose, kernel_files
 from irtscots_cl.scene.asphere import Asphere
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.height_map import MirrorMap
@@ -31,7 +31,7 @@ from irtscots_cl.scene.mirror import ZernikeTerms
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
-from irtscots_cl.tracing.checks.probes import BLOCK, MeetProbe, PathProbe
+from irtscots_cl.tracing.checks.probes import MeetProbe, PathProbe
 from irtscots_cl.tracing.estimators import nonsequential
 from irtscots_cl.tracing.estimators import sequential as tracer
 from irtscots_cl.tracing.options import TraceOptions

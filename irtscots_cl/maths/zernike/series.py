@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.zernike.annular import annular_rim_value, annular_step
 from irtscots_cl.maths.zernike.indices import checked_nm
 from irtscots_cl.maths.zernike.polynomials import broadcast_points, normalisation, recurrence
 from irtscots_cl.system import interruption
 
 # A sample computed as (cos a, sin a) may lie a few ulp outside the disk. It still counts as a sample on the rim.
+MOST_LOSS = 100.0  # of PowerRows with which two of a float64's sixteen digits are lost
 _AT_ONCE = 2**13  # points evaluated at a time: a dozen arrays of them stay in the cache
 
 
@@ -156,11 +159,54 @@ def evaluate_series(
     x, y = broadcast_points(x, y)
     result = np.empty((3, x.size))
     flat_x, flat_y = x.ravel(), y.ravel()
+    powers = _powers_of(series)
     for first in range(0, x.size, _AT_ONCE):
         interruption.check()
         part = slice(first, first + _AT_ONCE)
-        result[:, part] = _evaluate(series, flat_x[part], flat_y[part])
+        if powers.loss <= MOST_LOSS:
+            _add_powers(powers, flat_x[part], flat_y[part], *result[:, part])
+        else:
+            result[:, part] = _evaluate(series, flat_x[part], flat_y[part])
     return tuple(result.reshape(3, *x.shape))
+
+
+@lru_cache(64)
+def _powers_of(series: RadialSeries) -> PowerRows:
+    return power_rows(series)
+
+
+def _add_powers(
+    rows: PowerRows, x: FloatArray, y: FloatArray, value: FloatArray, by_x: FloatArray, by_y: FloatArray
+) -> None:
+    """Set value and slopes [n] to those of the rows at points x, y [n]: Horner's rule, twice as fast as _evaluate."""
+    t = 2.0 * (x * x + y * y) - 1.0
+    real, imaginary, before = np.ones_like(t), np.zeros_like(t), (np.zeros_like(t), np.zeros_like(t))
+    value[:] = by_x[:] = by_y[:] = 0.0
+    stretching, reached, first = np.zeros_like(t), 0, 0
+    for order, sine, count in zip(rows.order.tolist(), rows.sine.tolist(), rows.count.tolist(), strict=True):
+        for _ in range(reached, order):
+            before = real, imaginary
+            real, imaginary = real * x - imaginary * y, real * y + imaginary * x
+        reached = order
+        radial, slope = np.full_like(t, rows.coefficient[first]), np.zeros_like(t)
+        for coefficient in rows.coefficient[first + 1 : first + count].tolist():
+            slope *= t
+            slope += radial
+            radial *= t
+            radial += coefficient
+        first += count
+        wave = imaginary if sine else real
+        value += radial * wave
+        slope *= wave
+        stretching += slope
+        if order:
+            radial *= order
+            along, across = (before[1], before[0]) if sine else (before[0], -before[1])
+            by_x += radial * along
+            by_y += radial * across
+    stretching *= 4.0
+    by_x += stretching * x
+    by_y += stretching * y
 
 
 def _evaluate(series: RadialSeries, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 MIN_HALF_BOX = 1e-3  # in radii: narrower boxes would lose digits in a difference
@@ -33,20 +31,3 @@ def chord_integrals(tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
     share += np.where(tau > 0, beyond * (1 + beyond / 2), 0.0)
     square = (both + fifth - cubed / 3) / 4 + np.pi / 8 * beyond
     return share, square, (3 * both - cubed - fifth) / 8 + 3 * np.pi / 16 * beyond
-
-
-@dataclass(frozen=True)
-class Chord:
-    """How the light of n pixels, at their centres, moves along one axis of the screen as it moves over the aperture.
-
-    normal: [2, n] unit direction on the aperture along which the landing point moves along that axis of the screen
-    alone, so that the screen's other edges cut off either a whole chord or nothing. The others are per aperture radius
-    along it: slope, bend: [n] linear and quadratic term of the landing point [mm]; growth: [n] relative, of cos^4;
-    mirror: [2, n] move of the mirror point [mm].
-    """
-
-    normal: np.ndarray
-    slope: np.ndarray
-    bend: np.ndarray
-    growth: np.ndarray
-    mirror: np.ndarray

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from irtscots_cl.optics.chief_rays import ChiefRays
-from irtscots_cl.optics.pixel.chord import MIN_HALF_BOX, Chord, chord_integrals
+from irtscots_cl.optics.pixel.chord import MIN_HALF_BOX, chord_integrals
 from irtscots_cl.optics.pixel.edges import Circle
 from irtscots_cl.optics.pixel.quadrature import PixelQuadrature, cut_cells, join, whole_cells, without
 from irtscots_cl.optics.pixel.ray_map import RayMap
@@ -218,24 +218,6 @@ class PixelResponse:
         centre = centre + (maps.term(output, "aa") + maps.term(output, "bb") + by_a * p + by_b * q) / 4
         pushed = (cells.push[0] * p + cells.push[1] * q) / 4
         return np.stack([weight * cells.weight, weight * (cells.weight * centre + pushed)])
-
-    def chord(self, output: str) -> Chord:
-        """The pixels' chords along "u" or "v"; all zero for a pixel without a map."""
-        term, zero = self.maps.term, np.zeros(len(self.pixels))
-        _, _, _, by_a, by_b = self.weight(zero, zero, np.arange(len(zero)))
-        p, q = term(output, "a"), term(output, "b")
-        other = {"u": "v", "v": "u"}[output]
-        a, b = term(other, "b"), -term(other, "a")  # along it the other coordinate is constant
-        still = a * a + b * b == 0
-        a, b = np.where(still, p, a), np.where(still, q, b)
-        length = np.copysign(np.hypot(a, b), p * a + q * b)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            a, b = np.nan_to_num(a / length), np.nan_to_num(b / length)
-        slope = p * a + q * b
-        bend = term(output, "aa") * a * a + term(output, "ab") * a * b + term(output, "bb") * b * b
-        mirror = np.stack([term(axis, "a") * a + term(axis, "b") * b for axis in "xy"])
-        values = [slope, bend, by_a * a + by_b * b, mirror]
-        return Chord(np.stack([a, b]), *(np.where(np.isfinite(slope), v, 0.0) for v in values))
 
     def coverage(self) -> np.ndarray:
         """Share [n] of each pixel's footprint that lies on the mirror."""

@@ -17,11 +17,12 @@ import numpy as np
 from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.opencl.device import Device
+from irtscots_cl.opencl.program import BLOCK
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import parse_scene
-from irtscots_cl.tracing.checks.probes import BLOCK, PathProbe, uniform_centred
+from irtscots_cl.tracing.checks.probes import PathProbe, uniform_centred
 from irtscots_cl.tracing.packing.sources import receivers
 from irtscots_cl.tracing.samplers import DIMENSIONS
 

@@ -11,14 +11,12 @@ import numpy as np
 
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
-from irtscots_cl.opencl.program import check_precision, compose
+from irtscots_cl.opencl.program import BLOCK, check_precision, compose
 from irtscots_cl.opencl.structs import PRECISIONS
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.tracing.packing.scene import pack
 from irtscots_cl.tracing.samplers import DIMENSIONS
-
-BLOCK = 256  # rays of a work-item that has several side by side: BLOCK of kernels/arithmetic/simd_vector.cl
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from irtscots_cl.execution.launch_plan import FIRST_LAUNCH_RAYS, MAX_RAYS_PER_IT
 from irtscots_cl.execution.task import TraceProgram
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import LocalMemory
-from irtscots_cl.opencl.program import check_precision, compose
+from irtscots_cl.opencl.program import BLOCK, LEAST_BLOCK, check_precision, compose
 from irtscots_cl.opencl.structs import WEIGHT_ONE, Fate
 from irtscots_cl.optics.aim import mirror_rings, screen_corners
 from irtscots_cl.optics.screen_facets import ScreenFacets
@@ -33,6 +33,7 @@ MARGINS = (1, 2, 4, 8)  # screen pixels; a larger error of the chief rays is a b
 MAX_TILE_BYTES = 2**19  # a larger detector tile would leave the core's cache
 RINGS = 4  # on the mirror, of points that are compared with the screen's plane
 TILE_BYTES_PER_RAY = 4  # with more, clearing and merging a tile costs more than its rays' atomics
+ADDS_OF_LINES = 8  # of a smoothed ray
 
 
 def trace_rays(
@@ -185,7 +186,7 @@ class SequentialTask:
         choices = packed.choices | {"sampler": options.sampler, "accumulate": accumulate}
         width = self.width or device.vector_width(precision)
         entry = "trace_lines" if options.smoothing else f"trace_{options.estimator}"
-        source = compose(f"{entry}.cl", choices, packed.structs, precision, width, packed.constants)
+        source = compose(f"{entry}.cl", choices, packed.structs, precision, width, packed.constants, block=self._block)
         inputs = self._inputs(packed)
         fingerprint = {"margin": self.margin, "code": source.digest, "inputs": hash_of(*inputs)}
         after = (tile if accumulate == "tile" else LocalMemory(8),)
@@ -209,8 +210,16 @@ class SequentialTask:
             return 4 * self._detector_pixels
         return 8 * (int(np.prod(self.bins)) + len(Fate))
 
+    @property
+    def _block(self) -> int:
+        """Rays that a work-item traces from stage to stage: no more than there are, of the few of an adjoint source."""
+        if self.options.estimator == "forward":
+            return BLOCK
+        return min(BLOCK, max(LEAST_BLOCK, 1 << (self.rays - 1).bit_length()))
+
     def _accumulate(self, device: Device, tile: LocalMemory) -> str:
-        fits = tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes, self.rays * TILE_BYTES_PER_RAY)
+        adds = self.rays * (ADDS_OF_LINES if self.options.smoothing else 1)
+        fits = tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes, adds * TILE_BYTES_PER_RAY)
         return "tile" if device.kind == "cpu" and fits else "atomic"
 
     def _launch(self, replicate: int, block: RayBlock, per_item: int) -> np.ndarray:

@@ -156,7 +156,7 @@ def _parts(chief: ChiefRays, visible_pixels: np.ndarray) -> tuple[np.ndarray, np
 
 def _slopes(chief: ChiefRays, visible_pixels: np.ndarray) -> np.ndarray:
     """Slopes [2, n] du/dz, dv/dz at the screen of the steepest rays of detector pixels; 0 where none arrives."""
-    points, u, v = (values.reshape(-1, *values.shape[2:])[visible_pixels] for values in chief.rims)
+    points, u, v = chief.rims.at(visible_pixels)
     way = (chief.screen_model.to_world(u, v) - points) @ chief.screen_frame.axes.T
     slopes = np.moveaxis(way[..., :2] / way[..., 2:], -1, 0)  # [2, n, rim]
     steepest = np.argmax(np.nan_to_num(np.abs(slopes)), -1)[..., None]

@@ -15,6 +15,7 @@ from irtscots_cl.opencl.structs import (
 from irtscots_cl.optics.aim import Aim
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.elements.emission import Emission
+from irtscots_cl.optics.pixel.aperture_chords import Chords
 from irtscots_cl.optics.screen_facets import ScreenFacets, pixel_centres
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
@@ -48,24 +49,20 @@ def receivers(chief: ChiefRays, visible_pixels: np.ndarray, origins: np.ndarray,
 
 
 def line_receivers(setup: Setup, visible_pixels: np.ndarray, origins: np.ndarray, precision: str) -> np.ndarray:
-    """Sources [slots] of the smoothed adjoint estimator: receivers and, from the pixels' maps, their chords.
+    """Sources [slots] of the smoothed adjoint estimator: receivers and their chords.
 
-    A pixel without a map (some of its rays miss the surface) gets chords of no length: its rays land as points.
+    A pixel some of whose rays miss the surface gets chords of no length: its rays land as points.
     """
-    chief, light = setup.chief_rays, setup.pixel_response
-    real = PRECISIONS[precision]
-    start = receivers(chief, visible_pixels, origins, precision)
+    chief, real = setup.chief_rays, PRECISIONS[precision]
     bent = chief.screen_model.surface is not None
     out = np.zeros(len(visible_pixels), line_receiver_dtype(real, chief.camera_model.is_distorted, bent))
-    out["start"] = start
-    index = np.searchsorted(light.pixels, visible_pixels)  # light is of all pixels that see the mirror
+    out["start"] = receivers(chief, visible_pixels, origins, precision)
+    chords, pitch = Chords.of(chief, visible_pixels), np.array(chief.scene.screen.pitch_xy_mm)
     radius = chief.scene.camera.aperture_diameter_mm / 2
-    for k, (output, pitch) in enumerate(zip("uv", chief.scene.screen.pitch_xy_mm, strict=True)):
-        chord = light.chord(output)
-        values = (*chord.normal, chord.slope / pitch / radius, chord.bend / pitch / radius**2, chord.growth / radius,
-                  *(chord.mirror / radius))  # fmt: skip
-        for name, value in zip(out["chords"].dtype.names, values, strict=True):
-            out["chords"][name][:, k] = value[index]
+    values = (*chords.normal, chords.slope / pitch / radius, chords.bend / pitch / radius**2, chords.growth / radius,
+              *(chords.mirror / radius))  # fmt: skip
+    for name, value in zip(out["chords"].dtype.names, values, strict=True):
+        out["chords"][name] = value
     return out
 
 

@@ -221,8 +221,12 @@ def line_flux(counts: np.ndarray, windows: Windows, unit_w: np.ndarray, rays: np
     """
     split = windows.columns + 2
     parts = {"x": counts[..., : split - 2], "y": counts[..., split : split + windows.rows]}
-    unit = unit_w / rays[:, None, None]
-    return {axis: np.cumsum(part.view(np.int64), axis=-1) * unit for axis, part in parts.items()}
+    flux = {axis: np.empty(part.shape) for axis, part in parts.items()}
+    for axis, part in parts.items():
+        for replicate, count in enumerate(rays):
+            below = np.cumsum(part[replicate].view(np.int64), axis=-1)
+            np.multiply(below, unit_w / count, out=flux[axis][replicate])
+    return flux
 
 
 def ledger_from(counts: np.ndarray, launched: int) -> dict[str, int]:

@@ -8,11 +8,12 @@ from device_kernels import SmallKernel, kernel_text
 from real_setup import SHAPES, real_setup
 from scenes import coarse, scene_of, with_part
 
+from irtscots_cl.opencl.program import BLOCK
 from irtscots_cl.opencl.structs import PRECISIONS
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.camera_intrinsics import Intrinsics
-from irtscots_cl.tracing.checks.probes import BLOCK, MeetProbe, PathProbe, uniform_centred
+from irtscots_cl.tracing.checks.probes import MeetProbe, PathProbe, uniform_centred
 from irtscots_cl.tracing.packing.sources import emitters, receivers
 
 # mm, at a mirror of some metres: single precision rounds lengths by 1e-4, double by 1e-12 beside Newton's steps
