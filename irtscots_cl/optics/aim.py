@@ -21,7 +21,7 @@ RIM_POINTS = 32  # of the mirror, to fit its ellipse
 MARGIN = 1e-4  # of the mirror's ellipse, because the rim between the rim points is not an exact ellipse
 RINGS = 12  # of RIM_POINTS each, over a convex mirror that hides part of its rim
 BULGE_MARGIN = 0.02  # of its ellipse, for what stands out between these points
-POINTS_AT_A_TIME = 2**17  # of the mirror, seen from one screen pixel each: limits the memory
+POINTS_AT_A_TIME = 2**15  # of the mirror, seen from one screen pixel each: their arrays stay in the cache
 SLACK = 0.25  # screen pixels added to the chief rays' range that can light a detector pixel; doubled if too small
 MAX_SLACK = 8.0
 CHECK_RAYS = 2**15  # from the camera, to check that the aim covers all directions they find
@@ -123,14 +123,30 @@ def _covering(
     spread = cosines - centre[:, None, :]
     # Points at equal angles on an ellipse's rim have half its shape matrix as covariance.
     shape = 2 * np.einsum("nki,nkj->nij", spread, spread) / cosines.shape[1]
-    flat = np.trace(shape, axis1=1, axis2=2)[:, None, None] * FLATTEST
-    root = np.linalg.cholesky(shape + (np.linalg.det(shape)[:, None, None] < flat**2) * flat * np.eye(2))
-    reach = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
+    flat = np.trace(shape, axis1=1, axis2=2) * FLATTEST
+    l, lm, m = shape[:, 0, 0], shape[:, 0, 1], shape[:, 1, 1]
+    root = _cholesky(*np.where(l * m - lm * lm < flat**2, [l + flat, lm, m + flat], [l, lm, m]))
+    reach = _lengths(root, spread).max(1)
     if within is not None:
-        spread = within - centre[:, None, :]
-        beyond = np.linalg.norm(np.linalg.solve(root, spread.transpose(0, 2, 1)), axis=1).max(1)
+        beyond = _lengths(root, within - centre[:, None, :]).max(1)
         reach = np.maximum(reach, beyond * (1 + BULGE_MARGIN))
     return centre, _widened(root * (reach * (1 + MARGIN))[:, None, None], half_pixel / distance.min(1))
+
+
+def _cholesky(l: np.ndarray, lm: np.ndarray, m: np.ndarray) -> np.ndarray:
+    """Lower triangular roots [n, 2, 2] of the matrices [[l, lm], [lm, m]] [n]."""
+    root = np.zeros((len(l), 2, 2))
+    root[:, 0, 0] = np.sqrt(l)
+    root[:, 1, 0] = lm / root[:, 0, 0]
+    root[:, 1, 1] = np.sqrt(m - root[:, 1, 0] ** 2)
+    return root
+
+
+def _lengths(root: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Lengths [n, k] of the vectors [n, k, 2] in ellipses [n]: 1 on their rims."""
+    first = vectors[..., 0] / root[:, 0, 0, None]
+    second = (vectors[..., 1] - root[:, 1, 0, None] * first) / root[:, 1, 1, None]
+    return np.sqrt(first * first + second * second)
 
 
 def find_camera_aim(chief: ChiefRays, whole: Aim) -> Aim:
@@ -262,5 +278,7 @@ def _radius_in_ellipse(root: np.ndarray, centre: np.ndarray, pixel: np.ndarray, 
 
 def _widened(root: np.ndarray, by: np.ndarray | float) -> np.ndarray:
     """Ellipses [n, 2, 2] enlarged to contain all points within that distance of them."""
-    shortest = np.linalg.svd(root, compute_uv=False)[:, -1]
+    area = root[:, 0, 0] * root[:, 1, 1]  # product of both half-axes, whose squares add up to `squares`
+    squares = np.sum(root**2, (1, 2))
+    shortest = area / np.sqrt((squares + np.sqrt(np.maximum(squares**2 - 4 * area**2, 0.0))) / 2)
     return root * (1 + by / shortest)[:, None, None]
