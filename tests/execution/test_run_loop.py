@@ -229,3 +229,12 @@ def test_what_a_run_found_is_not_cleared_with_the_tracer(device):
     assert all(not array.any() for array in tracer.sums())
     again = run_rays(tracer, np.array([64, 64]))
     assert kept[0].any() and same(first, kept) and same(again, kept)
+
+
+def test_a_device_with_memory_of_its_own_finds_the_same(device, eager, tmp_path):
+    """Its sums are copied and cleared after every launch that is saved."""
+    shared, own = (tracer_of(small_scene(), device, TraceOptions()) for _ in range(2))
+    own._shares = False
+    rays = np.array([300, 200])
+    saved = RunControl(checkpoint=Checkpoints(tmp_path / "kept").file_of(FACTS), launch_rays=20_000)
+    assert same(run_rays(own, rays, saved), run_rays(shared, rays))
