@@ -119,9 +119,9 @@ def add_trace_choices(parser: argparse.ArgumentParser, device_help: str = DEVICE
     parser.add_argument("--precision", metavar="P", help="fp32 or fp64 arithmetic on the device; default fp32")
     parser.add_argument(
         "--smoothing",
-        action="store_true",
-        default=None,
-        help="adjoint: a ray brings the light of its whole chord through the aperture, for less noise",
+        action=argparse.BooleanOptionalAction,
+        help="adjoint: a ray brings the light of its whole chord through the aperture, for less noise; of `run` the "
+        "default where the map of light transport would take more than 2 GiB",
     )
     parser.add_argument("--device", metavar="D", help=device_help)
 

@@ -57,7 +57,8 @@ def add(commands) -> None:
         "--rays-per-pixel",
         type=int,
         metavar="N",
-        help="rays per detector pixel (adjoint) or per screen pixel (forward); default 16384",
+        help="rays per detector pixel (adjoint) or per screen pixel (forward); default 16384, and 64 where rays are "
+        "smoothed for a large detector's sake",
     )
     parser.add_argument(
         "--parts",
@@ -194,12 +195,17 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
 
 def _simulate(setup, options: argparse.Namespace, given: dict, keeper):
     """Run the simulation with the given options."""
+    from irtscots_cl.pipeline.large_detectors import fit_memory
     from irtscots_cl.pipeline.simulate import outlook, simulate
     from irtscots_cl.tracing.checks.precision import RoundingWarning, check_precision_of_scene, check_precision_on
     from irtscots_cl.tracing.options import ANALYTIC
     from irtscots_cl.tracing.samplers import INDEPENDENT
 
     wanted = DEFAULTS | RAYS | given
+    changes, line = fit_memory(setup, wanted, given)
+    if changes:
+        warn(f"scene {setup.scene.name}: {line}")
+        wanted |= changes
     if wanted["estimator"] == ANALYTIC and keeper.files():
         raise ValueError(f"{keeper.path}: of a run that traces rays; must be deleted first")
     with nullcontext({}) if wanted["estimator"] == ANALYTIC else site_arguments(options) as where:
