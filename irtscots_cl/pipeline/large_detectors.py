@@ -13,7 +13,7 @@ MOST_MAP_BYTES = 2**31  # of a map of light transport that is made without being
 SMOOTHED_RAYS = 64  # per pixel: less noise than 16384 plain ones
 SMOOTHED_REPLICATES = 4  # whose light curves, too, are held at once
 MARGIN = 1  # screen pixels, of the windows that a trace begins with
-BYTES_PER_PIXEL = 3000  # of the detector, of all of a run but the map: chief rays of truth and design, curves, figures
+BYTES_PER_PIXEL = 5000  # of the detector, of all of a run but the map of transport, to its figures; measured
 
 
 def fit_memory(setup: Setup, wanted: Mapping[str, Any], given: Mapping[str, Any]) -> tuple[dict[str, Any], str]:

@@ -52,7 +52,7 @@ def test_a_scene_that_needs_its_map_keeps_it(large):
 
 def test_a_run_that_does_not_fit_is_refused_or_smoothed(monkeypatch):
     """The map and what else a run holds are compared with the memory together."""
-    others = 3000 * 125**2
+    others = large_detectors.BYTES_PER_PIXEL * 125**2
     for module in ("irtscots_cl.pipeline.large_detectors", "irtscots_cl.system.memory"):
         monkeypatch.setattr(f"{module}.memory_bytes", lambda: others + SIZE - 1)
     scene = load_scene("sphere")
