@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 
 from irtscots_cl.formats.hdf5 import write_dataset
-from irtscots_cl.imaging.image_stack import ImageStack
+from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.imaging.orientation import stored
 from irtscots_cl.maths.integration import separate_islands
 from irtscots_cl.measurement.error_bars import ErrorBars
@@ -41,7 +41,7 @@ def write_result(
             file.attrs[key] = value
         file.attrs["orientation"] = orientation
         for scan in (stack.x, stack.y):
-            write_images(file, scan, orientation, progress)
+            write_images(file, scan, orientation, progress and _of_both(progress, stack, scan))
             _write(file, f"lines/{scan.axis}_mm", scan.positions_mm, "mm")
             if len(scan.positions_mm) > 1:
                 width_mm = scan.line_width * np.diff(scan.positions_mm).mean()
@@ -63,6 +63,12 @@ def write_result(
             *_error_maps(result, bars),
         ):
             _write(file, name, stored(values, orientation), unit)
+
+
+def _of_both(progress: Callable[[int, int], None], stack: ImageStack, scan: Scan) -> Callable[[int, int], None]:
+    """The progress of one scan as that of both, x first."""
+    before, total = 0 if scan is stack.x else len(stack.x.pixels), len(stack.x.pixels) + len(stack.y.pixels)
+    return lambda done, _: progress(before + done, total)
 
 
 def _error_maps(result: Reconstruction, bars: ErrorBars | None) -> list[tuple[str, np.ndarray, str]]:
