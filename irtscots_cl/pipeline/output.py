@@ -47,7 +47,8 @@ def write_run(run: Run, folder: Path, started: float = 0.0, progress: Callable[[
         drawn = time.perf_counter()
         report["seconds"] = with_parts(report["seconds"], start=started, store=stored - began, figures=drawn - stored)
         write_html(folder / "report.html", report, figures, toml)
-        report["seconds"] = with_parts(report["seconds"], report=time.perf_counter() - drawn)
+        written = report["seconds"].get("report", 0.0) + time.perf_counter() - drawn
+        report["seconds"] = with_parts(report["seconds"], report=written)
         write_json(folder / "report.json", report)
 
 

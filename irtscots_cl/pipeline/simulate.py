@@ -24,7 +24,7 @@ from irtscots_cl.opencl.device import Device, select_devices
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.report.facts import build_report
 from irtscots_cl.report.quality import check_facts
-from irtscots_cl.report.seconds import seconds_of
+from irtscots_cl.report.seconds import seconds_of, with_parts
 from irtscots_cl.report.types import CheckFacts, Report
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
@@ -102,13 +102,13 @@ def simulate(
     bars = error_bars(result)
     predicted = predict_error(result, stack, rounding_height_mm=rounding, bars=bars)
     separated = error_terms(result, setup, measure, transport.options, device) if parts else ()
-    seconds = seconds_of(
-        transport.seconds, traced - started, reconstruct=measured - traced, predict=time.perf_counter() - measured
-    )
+    judged = time.perf_counter()
+    seconds = seconds_of(transport.seconds, traced - started, reconstruct=measured - traced, predict=judged - measured)
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
     report.update(more_facts)
     if measure == BEST:
         report["checks"] = checks_of(result, stack)
+    report["seconds"] = with_parts(report["seconds"], report=time.perf_counter() - judged)
     return Run(transport, stack, result, comparison, separated, report, bars, started)
 
 

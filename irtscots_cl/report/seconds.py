@@ -6,7 +6,8 @@ from typing import cast
 
 from irtscots_cl.report.types import Seconds
 
-# One after the other. The last is that of report.html; writing report.json, which has them, takes milliseconds.
+# One after the other, but for the report's facts, which come before the files. Writing report.json, which has these
+# seconds, takes milliseconds.
 PARTS = ("start", "prepare", "build", "trace", "reconstruct", "predict", "store", "figures", "report")
 
 
