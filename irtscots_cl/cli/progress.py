@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+import threading
 import time
 from collections.abc import Callable
 
 LINE_SECONDS = 10.0  # between two lines
+STAGE_SECONDS = 2.0  # of work that cannot say how far it is, before a line tells of it
 FIRST_ESTIMATE_SECONDS = 60.0  # a first estimate of the error takes about a second
 COST_SHARE = 50  # time between two estimates, in times of one estimate: 2 % cost
 
@@ -29,6 +31,7 @@ class Progress:
     ):
         self._doing, self._quiet, self._unit, self._estimate = doing, quiet, unit, estimate
         self._known, self._bar = "", None
+        self._timer: threading.Timer | None = None
         self._began = self._told = self._estimated = time.monotonic()
         self._next_estimate = FIRST_ESTIMATE_SECONDS
         self._first, self._total = 0, 0
@@ -49,6 +52,7 @@ class Progress:
         return self
 
     def __exit__(self, *_) -> None:
+        self._end_stage()
         if self._bar is not None:
             self._bar.stop()
 
@@ -63,6 +67,22 @@ class Progress:
         elif now - self._told >= LINE_SECONDS:
             self._told = now
             print(f"{self._doing}: {done / total:.0%}, {self._facts(done, total, now)}", file=sys.stderr, flush=True)
+
+    def stage(self, doing: str) -> None:
+        """Tell of other work, until the next call or the end, that cannot say how far it is."""
+        if self._quiet:
+            return
+        self._end_stage()
+        if self._bar is not None:
+            self._bar.update(self._task, description=doing, completed=0, total=None, facts="")
+            return
+        self._timer = threading.Timer(STAGE_SECONDS, lambda: print(f"{doing} ...", file=sys.stderr, flush=True))
+        self._timer.daemon = True
+        self._timer.start()
+
+    def _end_stage(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
 
     def finished(self, result: object) -> None:
         """Take the trace so far, of whole replicates; pass it as trace(finished=...)."""

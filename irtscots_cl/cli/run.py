@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import time
 import warnings
 from contextlib import nullcontext
 from functools import partial
@@ -113,6 +114,7 @@ def _execute(options: argparse.Namespace) -> int:
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
     check_output_folder(folder, ("result.h5", "report.json", "report.html", ".lock"), ("figures",))
     from irtscots_cl.pipeline.output import write_run
+    from irtscots_cl.system.process_time import seconds_of_process
 
     seconds = math.inf if options.max_seconds is None else options.max_seconds
     with keeping(folder, "checkpoint", options.resume, max_seconds=seconds) as keeper:
@@ -120,7 +122,9 @@ def _execute(options: argparse.Namespace) -> int:
             run = _simulate(setup, options, given, keeper)
         else:
             run = _reach(setup, options, given)
-        write_run(run, folder)
+        started = seconds_of_process() - (time.perf_counter() - run.began)
+        with Progress("storing", options.quiet, "light curves") as progress:
+            write_run(run, folder, started, progress)
         keeper.remove()
     exported = export(folder, targets)
     from irtscots_cl.report.tables import cautions, summary_tables
@@ -218,8 +222,9 @@ def _simulate(setup, options: argparse.Namespace, given: dict, keeper):
         words = partial(outlook, measure=wanted["measure"], nominal=setup.nominal)
         with Progress(quiet=options.quiet, estimate=words) as progress, warnings.catch_warnings():
             warnings.simplefilter("ignore", RoundingWarning)  # the report tells of it, beside the other errors
-            return simulate(setup, progress=progress, finished=progress.finished, seed=options.seed,
-                            parts=options.parts, zernike=options.zernike, keeper=keeper, **where, **wanted)  # fmt: skip
+            return simulate(setup, progress=progress, stage=progress.stage, finished=progress.finished,
+                            seed=options.seed, parts=options.parts, zernike=options.zernike, keeper=keeper,
+                            **where, **wanted)  # fmt: skip
 
 
 def _reach(setup, options: argparse.Namespace, given: dict):

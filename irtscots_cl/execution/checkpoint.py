@@ -1,15 +1,14 @@
 """Saves the sums of traces in files, so that an interrupted trace can be continued, to the same bits.
 
-A file is one line, `irtscots-cl checkpoint 1 DIGEST JSON`, then the sums as raw arrays, then the digest of all before.
-DIGEST is that of the JSON: the facts that the sums depend on, where the trace continues, and the time that it took.
-The arrays' shapes come from the trace, never from the file, whose size is compared before they are read.
+A file is one line, `irtscots-cl checkpoint 2 DIGEST JSON`, then the sums (packed_sums.py), then the digest of all
+before. DIGEST is that of the JSON: the facts that the sums depend on, where the trace continues, and the time that it
+took. The arrays' shapes come from the trace, never from the file.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import os
 import sys
 import time
 import warnings
@@ -32,6 +31,7 @@ from irtscots_cl.execution.checkpoint_file import (
     write_checkpoint,
 )
 from irtscots_cl.execution.launch_plan import Cursor
+from irtscots_cl.execution.packed_sums import unpack
 from irtscots_cl.system import interruption
 
 MIN_SECONDS = 5.0  # between two saves
@@ -233,16 +233,23 @@ class Checkpoint:
                 raise ValueError("seconds")
         except (TypeError, ValueError, KeyError):
             raise damaged(self.path) from None
-        arrays, start = self._kept_of(cursor), file.tell()
-        if os.fstat(file.fileno()).st_size != start + nbytes_of(arrays) + DIGEST_BYTES:
-            raise damaged(self.path)
+        start = file.tell()
         file.seek(0)
         digest = digest_hash(file.read(start))
-        for array in arrays:
-            if array.size:
-                file.readinto(array.data.cast("B"))
-                digest.update(array.data)
-        if file.read(DIGEST_BYTES) != digest.digest():
+
+        def read(count: int) -> bytes:
+            data = file.read(count)
+            if len(data) != count:
+                raise damaged(self.path)
+            digest.update(data)
+            return data
+
+        try:
+            for array in self._kept_of(cursor):
+                unpack(read, array)
+        except ValueError:
+            raise damaged(self.path) from None
+        if file.read(DIGEST_BYTES + 1) != digest.digest():
             raise damaged(self.path)
         self.seconds = {"trace": trace, "kernels": kernels}
         return cursor

@@ -10,10 +10,11 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from irtscots_cl.execution.packed_sums import packed
 from irtscots_cl.system import interruption
 
 Fingerprint = dict[str, str | int | float | bool]
-FORMAT = b"irtscots-cl checkpoint 1 "
+FORMAT = b"irtscots-cl checkpoint 2 "
 MAX_HEADER_BYTES = 2**14
 DIGEST_BYTES = 32
 HASHED = ("scene", "code", "inputs", "paths", "maps")  # facts whose values are too long for a message
@@ -41,9 +42,9 @@ def write_checkpoint(path: Path, header: bytes, arrays: list[np.ndarray]) -> Non
         with interruption.before_the_end(new.unlink), open(new, "wb") as file:
             file.write(line)
             for array in arrays:
-                if array.size:
-                    file.write(array.data)
-                    digest.update(array.data)
+                for piece in packed(array):
+                    file.write(piece)
+                    digest.update(piece)
             file.write(digest.digest())
             file.flush()
             os.fsync(file.fileno())

@@ -26,9 +26,16 @@ def first_bad_value(values: ArrayLike, nan_allowed: bool = False) -> tuple[int, 
     return tuple(int(k) for k in np.unravel_index(np.argmax(bad), array.shape))
 
 
-def check_values(name: str, values: ArrayLike, nan_allowed: bool = False) -> None:
-    """Raise ValueError, naming the array, the index and the value, for the first bad value."""
+def check_values(name: str, values: ArrayLike, nan_allowed: bool = False, first: tuple[int, ...] = ()) -> None:
+    """Raise ValueError, naming the array, the index and the value, for the first bad value.
+
+    first: index in the named array of the values' first one, if they are a part of it.
+    """
     index = first_bad_value(values, nan_allowed)
     if index is not None:
-        value, place = np.asarray(values)[index], f"[{', '.join(map(str, index))}]" if index else ""
+        value, whole = (
+            np.asarray(values)[index],
+            [a + b for a, b in zip(index, first or (0,) * len(index), strict=True)],
+        )
+        place = f"[{', '.join(map(str, whole))}]" if index else ""
         raise ValueError(f"{name}{place} = {float(value)}: must be a finite number within {MAX_VALUE:g}")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 
+from irtscots_cl.formats.sparse_hdf5 import Tile, stored_tiles
 from irtscots_cl.imaging.image_stack import ImageStack, Scan, check_shapes
+from irtscots_cl.imaging.lit_images import lit_curves
 from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.scene.model import Scene
@@ -27,6 +30,8 @@ def read_images(path: Path, scene: Scene | None = None) -> ImageStack:
     `camera.detector.orientation` says, and show lines as its [screen.lines] does; the stack is upright. None: upright
     images of lines that touch. Raises ValueError, with a message of one line, for a file that cannot be read or does
     not have this form.
+
+    Of images that are stored in part, since most of them are dark, only those parts are read, into short light curves.
     """
     if not path.is_file():
         why = "it is a folder" if path.is_dir() else "there is no file of that name"
@@ -41,9 +46,13 @@ def read_images(path: Path, scene: Scene | None = None) -> ImageStack:
 
 def _read_scan(file: h5py.File, path: Path, axis: str, scene: Scene | None) -> Scan:
     images, lines = (_dataset(file, path, name) for name in (f"images/{axis}", f"lines/{axis}_mm"))
-    check_memory(f"{path}: /images/{axis}: {images.size} values", images.size * BYTES_PER_VALUE)
     try:
         check_shapes(axis, lines.shape, images.shape)  # before reading any values
+        is_whole = scene is not None and len(images) == len(LineScan(scene).positions_mm(axis))
+        tiles = stored_tiles(images) if is_whole else None
+        if scene is not None and tiles is not None:
+            return _lit_scan(images, tiles, lines, axis, scene)
+        _check_size(images, images.size)
         values = _values(images)
         if scene is None:
             return Scan.from_images(axis, lines[()], values)
@@ -51,6 +60,34 @@ def _read_scan(file: h5py.File, path: Path, axis: str, scene: Scene | None) -> S
         return Scan.from_images(axis, lines[()], values, _line_width(lines, axis, scene))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _check_size(images: h5py.Dataset, count: int) -> None:
+    """Refuse, with a ValueError, to read more values than there should be, or than fit the memory."""
+    name = f"/{images.name.lstrip('/')}: {count} values"
+    if count > MAX_IMAGE_VALUES:
+        raise ValueError(f"{name}; at most {MAX_IMAGE_VALUES} are read")
+    check_memory(name, count * BYTES_PER_VALUE)
+
+
+def _lit_scan(images: h5py.Dataset, tiles: list[Tile], lines: h5py.Dataset, axis: str, scene: Scene) -> Scan:
+    """The scan of images of which these tiles are stored: all others are dark."""
+    rows, columns = images.shape[1:]
+    longest = max((tile.end_line - tile.first_line for tile in tiles), default=1)
+    _check_size(images, rows * columns * longest)
+    first, curves = lit_curves(images, tiles, f"images/{axis}")
+    upright_pixels = upright(np.arange(rows * columns).reshape(rows, columns), scene.camera.detector.orientation)
+    order = upright_pixels.ravel()
+    # the checks of positions are those of whole images
+    scan = Scan.from_images(axis, lines[()], np.zeros((len(images), 1, 1)), _line_width(lines, axis, scene))
+    return replace(
+        scan,
+        shape=upright_pixels.shape,
+        pixels=np.arange(len(order)),
+        first_line=first[order],
+        flux_w=curves[None, order],
+        hits=np.full(len(order), np.nan),
+    )
 
 
 def _line_width(lines: h5py.Dataset, axis: str, scene: Scene) -> float:
@@ -89,6 +126,4 @@ def _dataset(file: h5py.File, path: Path, name: str) -> h5py.Dataset:
         raise ValueError(f"{path}: /{name}: {'missing' if data is None else 'a group'}; {must}")
     if data.dtype.kind not in "fiu" or data.shape is None:
         raise ValueError(f"{path}: /{name}: {'empty' if data.shape is None else f'of type {data.dtype}'}; {must}")
-    if data.size > MAX_IMAGE_VALUES:
-        raise ValueError(f"{path}: /{name}: {data.size} values; at most {MAX_IMAGE_VALUES} are read")
     return data

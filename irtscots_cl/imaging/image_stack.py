@@ -57,6 +57,19 @@ class Scan:
             hits=self.hits[chosen],
         )
 
+    def of_all_lines(self) -> Scan:
+        """The same scan with whole light curves, all lines of every pixel [replicates, rows * columns, lines]."""
+        count, pixels = len(self.positions_mm), self.shape[0] * self.shape[1]
+        if self.flux_w.shape[1:] == (pixels, count) and not self.first_line.any():
+            return self
+        flux, hits = np.zeros((len(self.weights), pixels, count)), np.full(pixels, np.nan)
+        inside = self.lines < count
+        pixel = np.broadcast_to(self.pixels[:, None], inside.shape)[inside]
+        flux[:, pixel, self.lines[inside]] = self.flux_w[:, inside]
+        hits[self.pixels] = self.hits
+        first = np.zeros(pixels, np.int64)
+        return replace(self, pixels=np.arange(pixels), first_line=first, flux_w=flux, hits=hits)
+
     def mean_w(self) -> FloatArray:
         """Light curves [n, window], the mean over the replicates."""
         return np.tensordot(self.weights / self.weights.sum(), self.flux_w, 1)

@@ -42,7 +42,7 @@ def calibrated_lines(stack: ImageStack, camera: CameraFiles, orientation: str) -
     Raises ValueError where the files do not fit the images.
     """
     times = camera.exposures_s or (None,)
-    scans = (stack.x, stack.y)
+    scans = (stack.x.of_all_lines(), stack.y.of_all_lines())
     for scan in scans:
         if camera.images_of_frame > 1 and len(scan.weights) != camera.images_of_frame:
             raise ValueError(

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from irtscots_cl.pipeline.simulate import Run
 from irtscots_cl.report.html import write_html
 from irtscots_cl.report.result_file import write_result
+from irtscots_cl.report.seconds import with_parts
 from irtscots_cl.system import interruption
 from irtscots_cl.system.atomic_files import check_output_folder, write_json
 from irtscots_cl.system.versions import versions
 
 
-def write_run(run: Run, folder: Path) -> None:
+def write_run(run: Run, folder: Path, started: float = 0.0, progress: Callable[[int, int], None] | None = None) -> None:
     """Write report.json, result.h5, report.html and figures/*.png; the folder is made if it is not there.
 
-    report.json comes last: where it is, the others are complete.
+    report.json comes last: where it is, the others are complete. The seconds of the report get those of the files.
+    started: seconds of the command before the simulation. progress(done, total): of result.h5, with numbers of light
+    curves.
     """
     from irtscots_cl.report.figures import write_figures  # matplotlib is slow to import: only where figures are made
 
@@ -35,9 +39,16 @@ def write_run(run: Run, folder: Path) -> None:
         "ledger": json.dumps(report["ledger"]),
     }
     with open_output_folder(folder):
-        write_result(folder / "result.h5", run.stack, run.result, attributes | version_attributes(), run.bars)
+        began = time.perf_counter()
+        attributes |= version_attributes()
+        write_result(folder / "result.h5", run.stack, run.result, attributes, run.bars, progress)
+        stored = time.perf_counter()
         figures = write_figures(folder / "figures", run.stack, run.result, run.comparison, run.parts)
+        drawn = time.perf_counter()
+        report["seconds"] = with_parts(report["seconds"], start=started, store=stored - began, figures=drawn - stored)
         write_html(folder / "report.html", report, figures, toml)
+        written = report["seconds"].get("report", 0.0) + time.perf_counter() - drawn
+        report["seconds"] = with_parts(report["seconds"], report=written)
         write_json(folder / "report.json", report)
 
 

@@ -24,6 +24,7 @@ from irtscots_cl.opencl.device import Device, select_devices
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.report.facts import build_report
 from irtscots_cl.report.quality import check_facts
+from irtscots_cl.report.seconds import seconds_of, with_parts
 from irtscots_cl.report.types import CheckFacts, Report
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
@@ -41,7 +42,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Run:
     """A finished simulation and its measurement. parts: of the height error, where asked for. report: as report.json
-    holds it. bars: standard errors from the noise of the images, by measures that give them."""
+    holds it. bars: standard errors from the noise of the images, by measures that give them. began: when the simulation
+    did, by time.perf_counter."""
 
     transport: Transport | LineLight
     stack: ImageStack
@@ -50,6 +52,7 @@ class Run:
     parts: tuple[ErrorTerm, ...]
     report: Report
     bars: ErrorBars | None = None
+    began: float = 0.0
 
 
 def simulate(
@@ -63,6 +66,7 @@ def simulate(
     device: Device | Sequence[Device] | None = None,
     client=None,
     progress: Callable[[int, int], None] | None = None,
+    stage: Callable[[str], None] | None = None,
     **trace_options,
 ) -> Run:
     """Trace a scene, take its line-scan images, measure the mirror from them and compare with the truth.
@@ -70,7 +74,8 @@ def simulate(
     scene: a scene, or a Setup of it. measure: a name of methods.MEASURES. zernike: kind of the terms that are fitted,
     of coefficients.KINDS. parts: also separate the height error into its terms; float rounding is separated on the
     first device, not with a client. noise, response: of the detector and the screen, instead of the scene's own.
-    device, client, progress, trace_options: as of `trace`. Raises as `trace`, `measure_by` and, with noise,
+    stage(words): called when work on the host begins that may take long. device, client, progress, trace_options: as
+    of `trace`. Raises as `trace`, `measure_by` and, with noise,
     noise.check_noise do.
     """
     started = time.perf_counter()
@@ -85,21 +90,26 @@ def simulate(
     transport = trace(setup, device=device, client=client, progress=progress, **trace_options)
     traced = time.perf_counter()
     interruption.check()
+    tell = stage or (lambda words: None)
+    tell("measuring")
     stack, more_facts = take_images(transport)
     result = measure_by(measure, stack, setup.nominal)
     measured = time.perf_counter()
     interruption.check()
+    tell("predicting errors")
     rounding = _rounding_mm(setup, transport, device, client)
     comparison = compare(result, scene, zernike)
     bars = error_bars(result)
     predicted = predict_error(result, stack, rounding_height_mm=rounding, bars=bars)
-    seconds = transport.seconds | {"reconstruct": measured - traced, "total": time.perf_counter() - started}
     separated = error_terms(result, setup, measure, transport.options, device) if parts else ()
+    judged = time.perf_counter()
+    seconds = seconds_of(transport.seconds, traced - started, reconstruct=measured - traced, predict=judged - measured)
     report = build_report(transport, measure, result, comparison, predicted, separated, seconds)
     report.update(more_facts)
     if measure == BEST:
         report["checks"] = checks_of(result, stack)
-    return Run(transport, stack, result, comparison, separated, report, bars)
+    report["seconds"] = with_parts(report["seconds"], report=time.perf_counter() - judged)
+    return Run(transport, stack, result, comparison, separated, report, bars, started)
 
 
 def _rounding_mm(setup: Setup, transport: Transport | LineLight, device, client) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -9,11 +10,11 @@ import numpy as np
 
 from irtscots_cl.formats.hdf5 import write_dataset
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
-from irtscots_cl.imaging.orientation import stored, stored_shape
+from irtscots_cl.imaging.orientation import stored
 from irtscots_cl.maths.integration import separate_islands
-from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.report.image_datasets import write_images
 from irtscots_cl.system import interruption
 from irtscots_cl.system.atomic_files import replacing
 
@@ -24,10 +25,12 @@ def write_result(
     result: Reconstruction,
     attributes: dict[str, str],
     bars: ErrorBars | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> None:
     """Write result.h5: images [lines, rows, columns] in the stack's unit with standard errors, lines, mirror points,
     mask, centroids, slopes and height. attributes: of the file (scene as TOML, seed, device, versions). bars: standard
     errors from the noise of the images, where the measure gives them; else those of the height are the replicates'.
+    progress(done, total): called now and then, with numbers of light curves.
 
     Images and maps lie in the file as the scene's `camera.detector.orientation` says; the attribute names it.
     """
@@ -38,9 +41,7 @@ def write_result(
             file.attrs[key] = value
         file.attrs["orientation"] = orientation
         for scan in (stack.x, stack.y):
-            jackknife = scan.jackknife_w()
-            _write_images(file, f"images/{scan.axis}", scan, jackknife[0], orientation)
-            _write_images(file, f"images/{scan.axis}_standard_error", scan, jackknife_error(jackknife), orientation)
+            write_images(file, scan, orientation, progress and _of_both(progress, stack, scan))
             _write(file, f"lines/{scan.axis}_mm", scan.positions_mm, "mm")
             if len(scan.positions_mm) > 1:
                 width_mm = scan.line_width * np.diff(scan.positions_mm).mean()
@@ -64,6 +65,12 @@ def write_result(
             _write(file, name, stored(values, orientation), unit)
 
 
+def _of_both(progress: Callable[[int, int], None], stack: ImageStack, scan: Scan) -> Callable[[int, int], None]:
+    """The progress of one scan as that of both, x first."""
+    before, total = 0 if scan is stack.x else len(stack.x.pixels), len(stack.x.pixels) + len(stack.y.pixels)
+    return lambda done, _: progress(before + done, total)
+
+
 def _error_maps(result: Reconstruction, bars: ErrorBars | None) -> list[tuple[str, np.ndarray, str]]:
     """Standard errors of centroids and slopes, and the chi-square of the light curves, by name and with their unit."""
     if bars is None:
@@ -84,16 +91,3 @@ def _error_maps(result: Reconstruction, bars: ErrorBars | None) -> list[tuple[st
 def _write(file: h5py.File, name: str, values: np.ndarray, unit: str) -> None:
     interruption.check()
     write_dataset(file, name, values, unit)
-
-
-def _write_images(file: h5py.File, name: str, scan: Scan, values: np.ndarray, orientation: str) -> None:
-    """Write line by line, so that the whole stack of a large screen is never in memory."""
-    image = stored_shape(scan.shape, orientation)
-    shape = (len(scan.positions_mm), *image)
-    images = file.create_dataset(
-        name, shape, np.float64, chunks=(1, *image), compression="gzip", compression_opts=1, shuffle=True
-    )
-    images.attrs["unit"] = scan.unit
-    for line in range(shape[0]):
-        interruption.check()
-        images[line] = stored(scan.image(line, values), orientation)

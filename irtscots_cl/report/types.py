@@ -40,9 +40,15 @@ class TraceSeconds(TypedDict):
 
 
 class Seconds(TraceSeconds):
-    """Of a run: total has all in it."""
+    """Of a run, in parts that add up to total; kernels is within trace. start, store, figures, report: of a command."""
 
+    start: NotRequired[float]
+    prepare: float
     reconstruct: float
+    predict: float
+    store: NotRequired[float]
+    figures: NotRequired[float]
+    report: NotRequired[float]
     total: float
 
 

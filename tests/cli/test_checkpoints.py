@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -311,6 +312,18 @@ def test_a_second_trace_has_its_own_speed(capsys, clock):
         clock[0] += 10
         progress(20_000, 4_000_000)
     assert capsys.readouterr().err == "snr: 0%, 20k of 4M rays, 2k rays/s, 33:10 left\n"
+
+
+def test_a_line_tells_of_long_work_that_cannot_say_how_far_it_is(capsys, monkeypatch):
+    monkeypatch.setattr("irtscots_cl.cli.progress.STAGE_SECONDS", 0.05)
+    with Progress() as progress:
+        progress.stage("measuring")
+        threading.Event().wait(0.3)
+        progress.stage("soon over")
+    with Progress(quiet=True) as progress:
+        progress.stage("quiet")
+        threading.Event().wait(0.1)
+    assert capsys.readouterr().err == "measuring ...\n"
 
 
 def test_quiet_says_nothing(capsys, clock):

@@ -19,6 +19,7 @@ from synthetic import small_scene
 from irtscots_cl import cli
 from irtscots_cl.opencl.device import DeviceError
 from irtscots_cl.opencl.selftest import check_device
+from irtscots_cl.report.seconds import PARTS
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene, preset_names, preset_text
 
@@ -152,6 +153,9 @@ def test_run_writes_all_files_and_nothing_else(finished):
     report = json.loads((finished / "out" / "report.json").read_text(), parse_constant=pytest.fail)
     assert (report["scene"], report["seed"], report["replicates"]) == ("sphere-deviated", 5, 4)
     assert sum(n for fate, n in report["ledger"].items() if fate != "launched") == report["rays_total"]
+    seconds = report["seconds"]
+    assert set(seconds) == {*PARTS, "kernels", "total"} and min(seconds.values()) >= 0
+    assert seconds["total"] == pytest.approx(sum(seconds[part] for part in PARTS)) and seconds["store"] > 0
     page = (finished / "out" / "report.html").read_text()
     for source in re.findall(r'src="([^"]+)"', page):
         assert (finished / "out" / source).is_file()

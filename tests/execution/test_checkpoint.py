@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import itertools
 import json
 import os
@@ -33,6 +34,7 @@ from irtscots_cl.execution.checkpoint_file import (
 from irtscots_cl.execution.executor import RunControl
 from irtscots_cl.execution.launch_plan import Cursor
 from irtscots_cl.execution.local import LocalExecutor
+from irtscots_cl.execution.packed_sums import unpack
 from irtscots_cl.execution.run_loop import run_rays
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.system import interruption
@@ -139,7 +141,13 @@ def test_a_file_holds_the_replicates_that_were_begun(tmp_path):
     header, arrays = split(interrupted(tmp_path / "kept", 5))
     assert header["place"] == [1, 4, 0, 0]
     assert header["facts"] == FACTS | CountingJob().fingerprint | {"byte_order": sys.byteorder}
-    assert len(arrays) == 8 * 2 * (SOURCES + 3)  # two replicates of each array
+    file = io.BytesIO(arrays)
+    for expected in EXPECTED:  # two replicates of each array, the first complete
+        found = np.zeros_like(expected[:2])
+        unpack(file.read, found)
+        np.testing.assert_array_equal(found[0], expected[0])
+        assert found[1].any() and (found[1] != expected[1]).any()
+    assert file.read() == b""
     assert joined(json.dumps(header).encode(), arrays) == (tmp_path / "kept").read_bytes()
 
 

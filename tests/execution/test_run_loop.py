@@ -13,7 +13,7 @@ from tracers import tracer_of
 
 from irtscots_cl.execution import checkpoint
 from irtscots_cl.execution.checkpoint import Checkpoints, Interrupted
-from irtscots_cl.execution.checkpoint_file import FORMAT, write_checkpoint
+from irtscots_cl.execution.checkpoint_file import FORMAT, digest_hash, hash_of
 from irtscots_cl.execution.device_tracer import DeviceTracer
 from irtscots_cl.execution.executor import RunControl
 from irtscots_cl.execution.run_loop import run_rays
@@ -152,7 +152,9 @@ def test_seconds_of_earlier_processes_count(device, tmp_path):
     header = json.loads(line.removeprefix(FORMAT)[33:])
     assert 0 < header["seconds"]["kernels"] < header["seconds"]["trace"] < 60
     header["seconds"] = {"trace": 2000.0, "kernels": 1000.0}
-    write_checkpoint(path, json.dumps(header).encode(), [np.frombuffer(sums[: -checkpoint.DIGEST_BYTES], np.uint8)])
+    text = json.dumps(header).encode()
+    data = FORMAT + hash_of(text).encode() + b" " + text + b"\n" + sums[: -checkpoint.DIGEST_BYTES]
+    path.write_bytes(data + digest_hash(data).digest())
     after = trace(SCENE, **options, keeper=Checkpoints(path, resume=True)).seconds
     assert 2000 < after["trace"] < 2060 and 1000 < after["kernels"] < 1060
 

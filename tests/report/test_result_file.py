@@ -304,6 +304,7 @@ def test_a_file_that_would_fill_the_memory_is_refused_unread(tmp_path, monkeypat
     monkeypatch.setattr("irtscots_cl.imaging.image_files.MAX_IMAGE_VALUES", 100)
     with h5py.File(tmp_path / "lab.h5", "w") as file:
         file.create_dataset("images/x", (101, 1, 1), "f8")
+        file["lines/x_mm"] = np.arange(101.0)
     with pytest.raises(ValueError, match="/images/x: 101 values; at most 100 are read"):
         read_images(tmp_path / "lab.h5")
 
