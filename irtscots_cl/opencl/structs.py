@@ -311,18 +311,25 @@ PATH = path_dtype("short")
 KNOWN_STEPS = 2
 
 
-def path_job_dtype(real, cones: int = 1) -> np.dtype:
+def stop_sieve_dtype(real) -> np.dtype:
+    """Limits of the rays that need not be followed, as optics/elements/stop_sieve.py has them."""
+    names = ("mirror_least2", "mirror_most2", "hole2", "rim2", "stop_least2", "stop_most2", "beside2", "slope2")
+    return np.dtype([(name, real) for name in names] + [("stop", np.int32)], align=True)
+
+
+def path_job_dtype(real, cones: int = 1, sieve: bool = False) -> np.dtype:
     """Parameters of a non-sequential launch: sizes of its tables, and the start of its rays, which go into `cones`.
 
     found_size: number of entries for found paths, 0 in a run that stores images. screen_group, screen_element: the
     group and the element where rays start. inverse_unit_area: 1 / (aim_ll aim_mm) of the emitter whose rays have weight
     1. may: bits of the elements that a ray may meet in its first steps. cone_from: if there are several cones, the
-    least number, of 32 bits, of the rays of each but the first.
+    least number, of 32 bits, of the rays of each but the first. sieve: if rays that end at the stop are not followed.
     """
     names = ("path_count", "element_count", "found_size", "bounce_limit", "screen_group", "screen_element")
     fields = [(name, np.int32) for name in names]
     fields += [("inverse_unit_area", real), ("may", np.uint32, KNOWN_STEPS)]
-    return np.dtype(fields + [("cone_from", np.uint32, (cones - 1,))] * (cones > 1), align=True)
+    fields += [("cone_from", np.uint32, (cones - 1,))] * (cones > 1)
+    return np.dtype(fields + [("sieve", stop_sieve_dtype(real))] * sieve, align=True)
 
 
 _C_NAMES = {

@@ -4,19 +4,16 @@
 //
 // The host writes ELEMENTS(DO), the scene's list of elements: DO(shape, kind, model, number) for each. shape: plane,
 // quadric or deviated; kind: the name of an interact_* file; model: the name of a scatter_* file, or none.
-#include "work_item.cl"
 #include "frame_*.cl"
-#include "cones_*.cl"
-#include "path_rng_*.cl"
-#include "tally.cl"
+#include "sieve_*.cl"
 
-// Puts the rays that leave the screen into the list. Positions count from the screen group's origin: small numbers.
-// cones: of cones_begin; ray: the number of the first one.
-INLINE void emit(const Trace *trace, __global const Emitter *emitter, const Words *words, const Words *keys, uint cones,
-                 ulong ray, Rays *rays) {
+// Puts a batch of rays that leave the screen into the list. Positions count from the screen group's origin: small
+// numbers. cones: of cones_begin.
+INLINE void emit(const Trace *trace, __global const Emitter *emitter, const Batch *batch, uint cones, Rays *rays) {
     __constant Scene *scene = trace->scene;
+    const Words *words = &batch->words;
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
-        const Leave aim = cones_leave(trace->job, emitter, words, cones, ray, v);
+        const Leave aim = cones_leave(trace->job, emitter, words, cones, batch->first, v);
         const realv x = emitter->x + scene->screen_pitch_x * uniform_centred(ray_words(words, FORWARD_PIXEL_X, v));
         const realv y = emitter->y + scene->screen_pitch_y * uniform_centred(ray_words(words, FORWARD_PIXEL_Y, v));
         const vec3v at = frame_across(&scene->screen, x, y);
@@ -27,7 +24,7 @@ INLINE void emit(const Trace *trace, __global const Emitter *emitter, const Word
         rays->weight[v] = aim.weight;
         light_emit(rays, v);
         for (int w = 0; w < PATH_WORDS; ++w) rays->path[w][v] = (uintv)(0);
-        rays->key[v] = ray_words(keys, 0, v);
+        rays->key[v] = ray_words(&batch->keys, 0, v);
         rays->group[v] = (intv)(trace->job->screen_group);
         rays->last[v] = (intv)(trace->job->screen_element);
         rays->before[v] = (intv)(-1);
@@ -173,16 +170,15 @@ __kernel void trace_paths(__constant Scene *scene, const Launch launch, __global
     const Trace trace = {scene, tables, elements, scatter, &launch, paths, sums, images, found, &job, &stack, own,
                          source % launch.screen_columns, source / launch.screen_columns};
     const uint cones = cones_begin(&launch, source);
-    Sampler sampler;
-    sampler_begin(&sampler, &launch, source);
-    Words words, keys;
+    Sieve sieve;
+    sieve_begin(&sieve, &trace, &item, &emitters[source]);
+    Batch batch;
     Rays rays;
-    for (ulong first = item.begin; first < item.end; first += BLOCK) {
-        sampler_block(&sampler, first, &words);
-        path_keys(&launch, source, first, &keys);
-        emit(&trace, &emitters[source], &words, &keys, cones, first, &rays);
-        trace_rays(&trace, &rays, (int)min(item.end - first, (ulong)(BLOCK)));
+    while (sieve_fill(&sieve, &trace, &batch)) {
+        emit(&trace, &emitters[source], &batch, cones, &rays);
+        trace_rays(&trace, &rays, batch.count);
     }
+    sieve_end(&sieve, &trace);
     own[PATH_FAILED] += stack_lost(&stack);
     for (int k = 0; k < sums_size; ++k)
         if (own[k] != 0) sum64_add(sums, k, own[k]);

@@ -2,13 +2,8 @@
 #include "words.cl"
 #include "philox.cl"
 
-// One word per ray, from Philox with a counter that no sampler uses.
-INLINE void path_keys(const Launch *launch, uint source, ulong first, Words *keys) {
-    for (int v = 0; v < BLOCK / WORD_LANES; ++v) {
-        const ulong ray = first + v * WORD_LANES;
-        const wordv low = (uint)ray + word_index();
-        const wordv high = (wordv)((uint)(ray >> 32) | 0x80000000u);
-        const Philox counter = {{low, high, (wordv)(source), (wordv)(launch->replicate)}};
-        keys->of[0][v] = philox4x32_10(counter, launch->seed_low, launch->seed_high).word[0];
-    }
+// One word per ray, from Philox with a counter that no sampler uses. low, high: the words of the rays' numbers.
+INLINE wordv path_key(const Launch *launch, uint source, wordv low, wordv high) {
+    const Philox counter = {{low, high | 0x80000000u, (wordv)(source), (wordv)(launch->replicate)}};
+    return philox4x32_10(counter, launch->seed_low, launch->seed_high).word[0];
 }

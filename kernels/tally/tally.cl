@@ -47,6 +47,13 @@ INLINE void count_weight(const Trace *trace, int place, maskv stays, realv weigh
     trace->own[PATH_ABSORBED + trace->job->element_count + place] += sum_lanes(to_int(counted));
 }
 
+// Adds the weight of `count` rays that stay, each of the same weight; the same sum as ray by ray.
+INLINE void count_equal_weights(const Trace *trace, int place, uint count, real weight) {
+    const ulong one = weight > STAYING_MOST ? (ulong)((float)weight * STAYING_ONE + 0.5f)
+                                            : (ulong)(weight * STAYING_ONE + (real)0.5);
+    trace->own[PATH_ABSORBED + trace->job->element_count + place] += count * one;
+}
+
 INLINE bool is_path(__global const Path *path, const uint *code) {
     bool same = true;
     for (int w = 0; w < PATH_WORDS; ++w) same = same && path->word[w] == code[w];

@@ -48,6 +48,7 @@ PATH_FAMILIES = {
     "branch": ["random", "split"],
     "path_code": ["short", "long"],
     "cones": ["single", "several"],
+    "sieve": ["none", "stop"],
 }
 # Chosen together: all of one member.
 LIGHT_FAMILIES = {family: ["unpolarised", "polarised"] for family in ("light", "carry", "fresnel")}

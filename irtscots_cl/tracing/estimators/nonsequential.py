@@ -16,7 +16,15 @@ from irtscots_cl.execution.launch_plan import RayBlock, plan_launches
 from irtscots_cl.execution.task import TraceProgram
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.program import Source, check_precision, compose
-from irtscots_cl.opencl.structs import MAX_EVENTS, PATH_WORDS, PRECISIONS, SHORT_EVENTS, cone_dtype, path_dtype
+from irtscots_cl.opencl.structs import (
+    MAX_EVENTS,
+    PATH_WORDS,
+    PRECISIONS,
+    SHORT_EVENTS,
+    cone_dtype,
+    path_dtype,
+    stop_sieve_dtype,
+)
 from irtscots_cl.optics.chief_rays import check_visible
 from irtscots_cl.optics.elements.components import Component
 from irtscots_cl.optics.elements.emission import Emission
@@ -41,6 +49,7 @@ MAX_RAYS_PER_ITEM = 2**16
 FIRST_LAUNCH_RAYS = 2**20  # before a launch has been timed
 MAX_IMAGE_BYTES = 2**31
 NONE_TRACKED = TrackedPaths()
+SIEVED = {"sieve": "stop", "mirror": "nominal", "arrival": "plain"}  # files of a trace whose rays are sieved
 
 
 def trace_by_path(
@@ -184,8 +193,9 @@ class PathTask:
         scatter, structs = pack_scatter(scene, components, real, options.aimed_scatter)
         structs |= {"Element": elements.dtype, "Path": path_dtype(self.code_length), "PathJob": job.dtype,
                     "Emitter": self.source_structs.dtype}  # fmt: skip
-        structs = {"Cone": cone_dtype(real)} | packed.structs | structs
-        source = _compose(packed, components, structs, options, device, self._files)
+        structs = {"Cone": cone_dtype(real), "StopSieve": stop_sieve_dtype(real)} | packed.structs | structs
+        files = self._files | (SIEVED if "sieve" in job.dtype.names else {"sieve": "none"})
+        source = _compose(packed, components, structs, options, device, files)
         inputs = (packed.scene, packed.tables, self.source_structs, elements, scatter)
         table = self.tracked.table(self.code_length)
         fingerprint = {"code": source.digest, "inputs": hash_of(*inputs, job), "paths": hash_of(table)}

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 
 from irtscots_cl.opencl.structs import TIS_NODES, element_dtype, path_job_dtype, scatter_structs
 from irtscots_cl.optics.elements.components import Component, groups_of, on_screen, targets_of
 from irtscots_cl.optics.elements.first_hits import ALL, may_meet
+from irtscots_cl.optics.elements.stop_sieve import stop_sieve
 from irtscots_cl.optics.screen_model import screen_frame
+from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.scatter.models import ABg, Harvey, Lambertian
 
@@ -113,15 +117,26 @@ def path_job(
     sources: np.ndarray,
     cone_from: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The PathJob structure [()], but for what changes from launch to launch. cone_from: of several cones."""
+    """The PathJob structure [()], but for what changes from launch to launch. cone_from: of several cones.
+
+    It has a field `sieve` where rays that end at the stop need not be followed.
+    """
     several = cone_from is not None and len(cone_from) > 0
-    job = np.zeros((), path_job_dtype(real, len(cone_from) + 1 if several else 1))
+    may, sieve = (ALL, ALL), None
+    if not several:
+        screen = screen_frame(scene.screen)
+        may = may_meet(components, screen, sources, scene.screen.pitch_xy_mm)
+        if bounce_limit > 1:  # a ray that is given up at the mirror does not end at the stop
+            sieve = stop_sieve(Surface.of(scene.mirror), components, screen, sources, scene.screen.pitch_xy_mm, may,
+                               float(np.finfo(real).eps))  # fmt: skip
+    job = np.zeros((), path_job_dtype(real, len(cone_from) + 1 if several else 1, sieve is not None))
     job["element_count"], job["bounce_limit"] = len(components), bounce_limit
     job["screen_group"], job["screen_element"] = 1, on_screen(scene, components)
     job["inverse_unit_area"] = 1 / unit_area(sources)
+    job["may"] = may
     if several:
-        job["cone_from"], job["may"] = cone_from, (ALL, ALL)
-        return job
-    screen = screen_frame(scene.screen)
-    job["may"] = may_meet(components, screen, sources, scene.screen.pitch_xy_mm)
+        job["cone_from"] = cone_from
+    if sieve is not None:
+        for name, value in asdict(sieve).items():
+            job["sieve"][name] = value
     return job
