@@ -20,6 +20,7 @@ The folders, in order: each imports only from folders above it.
     analysis     Truth meets measurement: errors, error terms, stray light.
     calibration  What is not known about a test's geometry, and what its images say about it.
     budget       What each error source of a test costs in nanometres of height, before there is any hardware.
+    planning     A test before it is built: what will go wrong with a scene, and a first scene for one's own mirror.
     report       Results for people and programs: tables, JSON, HTML, HDF5, figures.
     pipeline     The ready-made jobs: simulate, measure, reach a target.
     bench        How fast rays are traced, how the time grows with a job, and which error is had for which time.
@@ -54,7 +55,9 @@ _PUBLIC = {
     "all_devices": "opencl.device",
     "calibrate": "calibration.calibrate",
     "check_images": "measurement.quality",
+    "check_scene": "planning.check",
     "compare": "analysis.comparison",
+    "design": "planning.first_scene",
     "design_patterns": "measurement.pattern_design.choice",
     "error_bars": "measurement.error_bars",
     "error_terms": "analysis.error_terms",
@@ -115,6 +118,8 @@ if TYPE_CHECKING:
     from irtscots_cl.opencl.device import all_devices as all_devices
     from irtscots_cl.opencl.device import select_device as select_device
     from irtscots_cl.opencl.device import select_devices as select_devices
+    from irtscots_cl.planning.check import check_scene as check_scene
+    from irtscots_cl.planning.first_scene import design as design
     from irtscots_cl.report.height_map import height_map as height_map
     from irtscots_cl.scene.height_map import MirrorMap as MirrorMap
     from irtscots_cl.scene.model import Scene as Scene

@@ -17,10 +17,12 @@ from irtscots_cl.cli import (
     bench,
     budget,
     calibrate,
+    check,
     convert,
     design_patterns,
     devices,
     identify,
+    init,
     kernel,
     paths,
     patterns,
@@ -45,8 +47,8 @@ from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
 COMMANDS = (
-    run, scenes, devices, kernel, paths, design_patterns, patterns, reconstruct, calibrate, identify, budget,
-    height_map, convert, transfer, reproduce, bench, stability,
+    run, init, check, scenes, devices, kernel, paths, design_patterns, patterns, reconstruct, calibrate, identify,
+    budget, height_map, convert, transfer, reproduce, bench, stability,
 )  # fmt: skip
 
 

@@ -13,10 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from irtscots_cl.scene.presets import load_scene, with_noise_file
+from irtscots_cl.scene.validation import SceneError
 
 if TYPE_CHECKING:
     from irtscots_cl.optics.setup import Setup
     from irtscots_cl.report.types import CheckFacts
+    from irtscots_cl.scene.model import Scene
 
 DEVICE_HELP = (
     "part of a device's name, its index such as 0:0, cpu or gpu; "
@@ -89,8 +91,20 @@ def visible_setup(name_or_path: str, noise_path: str | None = None) -> Setup:
     from irtscots_cl.optics.setup import Setup
 
     setup = Setup(scene)
-    check_visible(setup.chief_rays, name_or_path)
+    try:
+        check_visible(setup.chief_rays, name_or_path)
+    except SceneError as error:
+        raise SceneError(f"{error}{_mistake_in(scene)}") from None
     return setup
+
+
+def _mistake_in(scene: Scene) -> str:
+    """The mistake that explains why nothing is seen, for the end of an error message; "" if none does."""
+    from irtscots_cl.planning.mistakes import find_mistakes
+    from irtscots_cl.planning.sight import Sight
+
+    found = find_mistakes(Sight.of(scene))
+    return f"; {found[0].text}" if found else ""
 
 
 DEFAULTS = {"estimator": "adjoint", "sampler": "philox", "precision": "fp32", "smoothing": False, "measure": "paper"}
@@ -192,6 +206,21 @@ def warn_of(checks: Iterable[CheckFacts]) -> None:
     for check in checks:
         if check["level"] != "ok":
             print(f"irtscots: {check['level']}: {check['name']}: {check['text']}", file=sys.stderr)
+
+
+def warn_of_scene(scene: Scene) -> None:
+    """Print what a few rays tell of a scene, a line each, to stderr. Raises SceneError if nothing of the mirror is
+    measured and a mistake explains it."""
+    from irtscots_cl.planning.check import look
+    from irtscots_cl.planning.mistakes import find_mistakes
+    from irtscots_cl.planning.sight import Sight
+
+    sight = Sight.of(scene)
+    if sight.landing == 0:
+        for mistake in find_mistakes(sight):
+            raise SceneError(f"{scene.name}: {mistake.text}")
+    for finding in look(sight):
+        warn(f"{finding.code}: {finding.text}")
 
 
 def warn(message: object) -> None:

@@ -29,6 +29,7 @@ from irtscots_cl.cli.common import (
     visible_setup,
     warn,
     warn_of,
+    warn_of_scene,
 )
 from irtscots_cl.cli.exporting import add_export, export, export_targets, print_exported
 from irtscots_cl.cli.keeping import add_resume, keeping
@@ -113,6 +114,7 @@ def _execute(options: argparse.Namespace) -> int:
     check_output_folder(folder, ("result.h5", "report.json", "report.html", ".lock"), ("figures",))
     from irtscots_cl.pipeline.output import write_run
 
+    warn_of_scene(scene)
     seconds = math.inf if options.max_seconds is None else options.max_seconds
     with keeping(folder, "checkpoint", options.resume, max_seconds=seconds) as keeper:
         if options.target_nm is None:
