@@ -209,8 +209,8 @@ def warn_of(checks: Iterable[CheckFacts]) -> None:
 
 
 def warn_of_scene(scene: Scene) -> None:
-    """Print what a few rays tell of a scene, a line each, to stderr. Raises SceneError if nothing of the mirror is
-    measured and a mistake explains it."""
+    """Print why part of the mirror will not be measured, a line each, to stderr. Raises SceneError if nothing is and a
+    mistake explains it."""
     from irtscots_cl.planning.check import look
     from irtscots_cl.planning.mistakes import find_mistakes
     from irtscots_cl.planning.sight import Sight
@@ -219,7 +219,7 @@ def warn_of_scene(scene: Scene) -> None:
     if sight.landing == 0:
         for mistake in find_mistakes(sight):
             raise SceneError(f"{scene.name}: {mistake.text}")
-    for finding in look(sight):
+    for finding in look(sight) if sight.measured < 1 else ():
         warn(f"{finding.code}: {finding.text}")
 
 

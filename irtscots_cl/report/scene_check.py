@@ -25,8 +25,8 @@ def check_lines(found: SceneCheck) -> list[str]:
     detector, screen = sight.scene.camera.detector.pixels, sight.scene.screen.pixels
     image, light = ("{:.0f} x {:.0f}".format(*size) for size in (sight.image_px, sight.spot_px))
     lines = [
-        f"{sight.scene.name}: {found.measured:.0%} of the mirror is seen and lit; its image is {image} of {detector[0]} x "
-        f"{detector[1]} detector pixels, its light {light} of {screen[0]} x {screen[1]} screen pixels"
+        f"{sight.scene.name}: {found.measured:.0%} of the mirror is seen and lit; its image is {image} of "
+        f"{detector[0]} x {detector[1]} detector pixels, its light {light} of {screen[0]} x {screen[1]} screen pixels"
     ]
     lines += [f"{one.level}: {one.code}: {one.text}" for one in found.findings]
     bad = [one for one in found.findings if one.level != "info"]
