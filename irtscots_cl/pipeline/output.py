@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from irtscots_cl.pipeline.simulate import Run
-from irtscots_cl.report.html import write_html
 from irtscots_cl.report.result_file import write_result
 from irtscots_cl.system import interruption
 from irtscots_cl.system.atomic_files import check_output_folder, write_json
@@ -20,7 +19,9 @@ def write_run(run: Run, folder: Path) -> None:
 
     report.json comes last: where it is, the others are complete.
     """
-    from irtscots_cl.report.figures import write_figures  # matplotlib is slow to import: only where figures are made
+    # matplotlib is slow to import: only where figures are made
+    from irtscots_cl.report.figures import write_figures
+    from irtscots_cl.report.page.page import write_page
 
     report, toml = run.report, run.transport.scene.to_toml()
     attributes = {
@@ -36,8 +37,8 @@ def write_run(run: Run, folder: Path) -> None:
     }
     with open_output_folder(folder):
         write_result(folder / "result.h5", run.stack, run.result, attributes | version_attributes(), run.bars)
-        figures = write_figures(folder / "figures", run.stack, run.result, run.comparison, run.parts)
-        write_html(folder / "report.html", report, figures, toml)
+        write_figures(folder / "figures", run.stack, run.result, run.comparison, run.parts)
+        write_page(folder / "report.html", report, run.stack, run.result, run.comparison, run.parts, run.bars)
         write_json(folder / "report.json", report)
 
 

@@ -161,6 +161,7 @@ def measured_tables(facts: MeasuredFacts) -> list[Table]:
     rows = [("pixels used", pixels_text(facts["pixels_used"], facts["light_curves_refused"]))]
     rows += _model_rows(facts)
     rows += [(f"without {terms.replace('_', ', ')} [nm]", f"{v:.4g}") for terms, v in facts["deviation_nm_rms"].items()]
+    rows += [("peak to valley, without piston, tilt [nm]", f"{facts['deviation_nm_pv']:.4g}")]
     if math.isfinite(facts["height_standard_error_nm"]):
         slopes, bound = facts["slope_standard_error_urad"], facts["of_bound"]
         rows += [
