@@ -6,6 +6,7 @@ import argparse
 import json
 import logging
 import math
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -233,12 +234,13 @@ def print_tables(tables) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    # Without a terminal, do not wrap to a default of 80 columns. No markup: it would read [nm] as a style.
+    # Without a terminal, wrap to $COLUMNS or not at all, instead of to 80. No markup: it would read [nm] as a style.
     class Terminal(Console):
         def on_broken_pipe(self) -> None:  # the reader has closed the output: main ends the command without an error
             raise BrokenPipeError
 
-    console = Terminal(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False, highlight=False)
+    width = None if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal() else 160
+    console = Terminal(width=width, markup=False, emoji=False, highlight=False)
     for table in tables:
         shown = Table(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, show_header=any(table.head))
         for k, head in enumerate(table.head):
