@@ -20,6 +20,7 @@ The folders, in order: each imports only from folders above it.
     analysis     Truth meets measurement: errors, error terms, stray light.
     calibration  What is not known about a test's geometry, and what its images say about it.
     budget       What each error source of a test costs in nanometres of height, before there is any hardware.
+    planning     A test before it is built: what will go wrong with a scene, and a first scene for one's own mirror.
     report       Results for people and programs: tables, JSON, HTML, HDF5, figures.
     pipeline     The ready-made jobs: simulate, measure, reach a target.
     bench        How fast rays are traced, how the time grows with a job, and which error is had for which time.
@@ -37,24 +38,32 @@ from typing import TYPE_CHECKING, Any
 # Public name -> the module that defines it. Nothing is imported before it is asked for: listing the scenes or a
 # wrong argument on the command line need not wait for NumPy, OpenCL and Matplotlib.
 _PUBLIC = {
+    "Camera": "scene.instrument",
+    "Detector": "scene.instrument",
     "DeviceError": "opencl.device",
     "Checkpoints": "execution.checkpoint",
     "FringeScan": "imaging.fringes",
     "FringeSet": "imaging.fringes",
     "FringeStack": "imaging.fringes",
     "HeightMap": "formats.height_map",
+    "ImageStack": "imaging.image_stack",
     "Interrupted": "execution.checkpoint",
     "LineLight": "tracing.results.transport",
     "LineScan": "imaging.patterns",
+    "Mirror": "scene.mirror",
     "MirrorMap": "scene.height_map",
     "MapOptions": "formats.height_map",
+    "Scan": "imaging.image_stack",
     "Scene": "scene.model",
     "SceneError": "scene.validation",
+    "Screen": "scene.instrument",
     "Transport": "tracing.results.transport",
     "all_devices": "opencl.device",
     "calibrate": "calibration.calibrate",
     "check_images": "measurement.quality",
+    "check_scene": "planning.check",
     "compare": "analysis.comparison",
+    "design": "planning.first_scene",
     "design_patterns": "measurement.pattern_design.choice",
     "error_bars": "measurement.error_bars",
     "error_terms": "analysis.error_terms",
@@ -77,6 +86,7 @@ _PUBLIC = {
     "trace_paths": "tracing.trace",
     "write_map": "formats.maps",
     "zernike": "maths.zernike.polynomials",
+    "ZernikeTerms": "scene.mirror",
 }
 
 # Earlier names, which go on working.
@@ -98,6 +108,8 @@ if TYPE_CHECKING:
     from irtscots_cl.imaging.fringes import FringeScan as FringeScan
     from irtscots_cl.imaging.fringes import FringeSet as FringeSet
     from irtscots_cl.imaging.fringes import FringeStack as FringeStack
+    from irtscots_cl.imaging.image_stack import ImageStack as ImageStack
+    from irtscots_cl.imaging.image_stack import Scan as Scan
     from irtscots_cl.imaging.patterns import LineScan as LineScan
     from irtscots_cl.imaging.recording import record as record
     from irtscots_cl.maths.integration import integrate_slopes as integrate_slopes
@@ -115,8 +127,15 @@ if TYPE_CHECKING:
     from irtscots_cl.opencl.device import all_devices as all_devices
     from irtscots_cl.opencl.device import select_device as select_device
     from irtscots_cl.opencl.device import select_devices as select_devices
+    from irtscots_cl.planning.check import check_scene as check_scene
+    from irtscots_cl.planning.first_scene import design as design
     from irtscots_cl.report.height_map import height_map as height_map
     from irtscots_cl.scene.height_map import MirrorMap as MirrorMap
+    from irtscots_cl.scene.instrument import Camera as Camera
+    from irtscots_cl.scene.instrument import Detector as Detector
+    from irtscots_cl.scene.instrument import Screen as Screen
+    from irtscots_cl.scene.mirror import Mirror as Mirror
+    from irtscots_cl.scene.mirror import ZernikeTerms as ZernikeTerms
     from irtscots_cl.scene.model import Scene as Scene
     from irtscots_cl.scene.presets import load_scene as load_scene
     from irtscots_cl.scene.validation import SceneError as SceneError
@@ -146,4 +165,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    """The public names, and those that every module has."""
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__") and name != "__getattr__")})

@@ -8,6 +8,7 @@ Each command has its own file here. It imports modules only when it runs, so tha
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import sys
 import warnings
@@ -17,10 +18,13 @@ from irtscots_cl.cli import (
     bench,
     budget,
     calibrate,
+    check,
     convert,
     design_patterns,
     devices,
+    doctor,
     identify,
+    init,
     kernel,
     paths,
     patterns,
@@ -44,10 +48,14 @@ from irtscots_cl.cli.common import (
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
-COMMANDS = (
-    run, scenes, devices, kernel, paths, design_patterns, patterns, reconstruct, calibrate, identify, budget,
-    height_map, convert, transfer, reproduce, bench, stability,
-)  # fmt: skip
+GROUPS = {
+    "simulate": (run, paths, scenes),
+    "plan": (init, check, design_patterns, patterns, identify, budget, transfer),
+    "measure": (reconstruct, calibrate, height_map, convert),
+    "this machine": (doctor, devices, bench, stability, kernel),
+    "the paper": (reproduce,),
+}
+COMMANDS = tuple(module for group in GROUPS.values() for module in group)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -106,9 +114,36 @@ class _Parser(argparse.ArgumentParser):
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="irtscots",
-        description="Simulate a SCOTS deflectometry test of a mirror and measure the mirror from the simulated images.",
+        usage="irtscots [-h] [--version] COMMAND ...",
+        description="Simulate a SCOTS deflectometry test of a mirror; measure mirrors from simulated or real images.",
+        epilog="First steps: irtscots run sphere-deviated; irtscots init; irtscots check FILE. All have --help.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", help=argparse.SUPPRESS)
     for module in COMMANDS:
         module.add(commands)
+    parser.description += "\n\n" + _grouped(commands)
     return parser
+
+
+def _grouped(commands) -> str:
+    """The commands under the headings of GROUPS, a line each."""
+    texts = {action.dest: action.help for action in commands._choices_actions}
+    names = iter(texts)
+    width = max(len(name) for name in texts)  # `map` is a command here
+    lines = []
+    for group, modules in GROUPS.items():
+        lines.append(f"{group}:")
+        lines += [f"  {name:{width}}  {texts[name]}" for name in itertools.islice(names, len(modules))]
+    return "\n".join(lines)
+
+
+class _Version(argparse.Action):
+    """Print the version; reading it takes too long to do for every command."""
+
+    def __call__(self, parser, *_) -> NoReturn:
+        from irtscots_cl.system.versions import package_version
+
+        print(f"irtscots-cl {package_version()}")
+        parser.exit(0)

@@ -6,6 +6,7 @@ import argparse
 import json
 import logging
 import math
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -13,10 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from irtscots_cl.scene.presets import load_scene, with_noise_file
+from irtscots_cl.scene.validation import SceneError
 
 if TYPE_CHECKING:
     from irtscots_cl.optics.setup import Setup
     from irtscots_cl.report.types import CheckFacts
+    from irtscots_cl.scene.model import Scene
 
 DEVICE_HELP = (
     "part of a device's name, its index such as 0:0, cpu or gpu; "
@@ -89,8 +92,20 @@ def visible_setup(name_or_path: str, noise_path: str | None = None) -> Setup:
     from irtscots_cl.optics.setup import Setup
 
     setup = Setup(scene)
-    check_visible(setup.chief_rays, name_or_path)
+    try:
+        check_visible(setup.chief_rays, name_or_path)
+    except SceneError as error:
+        raise SceneError(f"{error}{_mistake_in(scene)}") from None
     return setup
+
+
+def _mistake_in(scene: Scene) -> str:
+    """The mistake that explains why nothing is seen, for the end of an error message; "" if none does."""
+    from irtscots_cl.planning.mistakes import find_mistakes
+    from irtscots_cl.planning.sight import Sight
+
+    found = find_mistakes(Sight.of(scene))
+    return f"; {found[0].text}" if found else ""
 
 
 DEFAULTS = {"estimator": "adjoint", "sampler": "philox", "precision": "fp32", "smoothing": False, "measure": "paper"}
@@ -194,6 +209,21 @@ def warn_of(checks: Iterable[CheckFacts]) -> None:
             print(f"irtscots: {check['level']}: {check['name']}: {check['text']}", file=sys.stderr)
 
 
+def warn_of_scene(scene: Scene) -> None:
+    """Print why part of the mirror will not be measured, a line each, to stderr. Raises SceneError if nothing is and a
+    mistake explains it."""
+    from irtscots_cl.planning.check import look
+    from irtscots_cl.planning.mistakes import find_mistakes
+    from irtscots_cl.planning.sight import Sight
+
+    sight = Sight.of(scene)
+    if sight.landing == 0:
+        for mistake in find_mistakes(sight):
+            raise SceneError(f"{scene.name}: {mistake.text}")
+    for finding in look(sight) if sight.measured < 1 else ():
+        warn(f"{finding.code}: {finding.text}")
+
+
 def warn(message: object) -> None:
     """One line on stderr about something that does not stop the command."""
     print(f"irtscots: warning: {message}", file=sys.stderr)
@@ -204,12 +234,13 @@ def print_tables(tables) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    # Without a terminal, do not wrap to a default of 80 columns. No markup: it would read [nm] as a style.
+    # Without a terminal, wrap to $COLUMNS or not at all, instead of to 80. No markup: it would read [nm] as a style.
     class Terminal(Console):
         def on_broken_pipe(self) -> None:  # the reader has closed the output: main ends the command without an error
             raise BrokenPipeError
 
-    console = Terminal(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False, highlight=False)
+    width = None if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal() else 160
+    console = Terminal(width=width, markup=False, emoji=False, highlight=False)
     for table in tables:
         shown = Table(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, show_header=any(table.head))
         for k, head in enumerate(table.head):

@@ -31,7 +31,7 @@ def add(commands) -> None:
         "reconstruct",
         _execute,
         "measure a mirror from images of line scans, fringes, Gray codes or dots",
-        "Writes result.h5 and figures into the output folder.",
+        "Writes report.html, report.json, result.h5, scene.toml and figures into the output folder.",
     )
     parser.add_argument(
         "images",
@@ -202,7 +202,7 @@ def _line_scans(options: argparse.Namespace) -> int:
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder
 
     folder = options.out if options.out is not None else Path("irtscots-out") / f"{scene.name}-measured"
-    check_output_folder(folder, ("result.h5", "report.json"), ("figures",))
+    check_output_folder(folder, ("result.h5", "report.json", "report.html", "scene.toml"), ("figures",))
     how = options.measure or LAB_MEASURE
     check_measure(how, options.threshold)
     check_kind(options.zernike)

@@ -30,6 +30,7 @@ from irtscots_cl.cli.common import (
     visible_setup,
     warn,
     warn_of,
+    warn_of_scene,
 )
 from irtscots_cl.cli.exporting import add_export, export, export_targets, print_exported
 from irtscots_cl.cli.keeping import add_resume, keeping
@@ -116,6 +117,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.pipeline.output import write_run
     from irtscots_cl.system.process_time import seconds_of_process
 
+    warn_of_scene(scene)
     seconds = math.inf if options.max_seconds is None else options.max_seconds
     with keeping(folder, "checkpoint", options.resume, max_seconds=seconds) as keeper:
         if options.target_nm is None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import itertools
+import re
 
 from irtscots_cl.cli.common import command, print_json
 from irtscots_cl.scene.presets import preset_names, preset_text
@@ -27,8 +29,15 @@ def _execute(options: argparse.Namespace) -> int:
     if options.json:
         print_json([{"name": name, "toml": text} for name, text in texts.items()])
     for name, text in () if options.json else texts.items():
-        print(f"{name:16} {text.splitlines()[0].removeprefix('# ')}")
+        print(f"{name:16} {_first_sentence(text)}")
     return 0
+
+
+def _first_sentence(toml: str) -> str:
+    """The first sentence of the comment that a preset begins with."""
+    comment = itertools.takewhile(lambda line: line.startswith("#"), toml.splitlines())
+    words = " ".join(line.removeprefix("#").strip() for line in comment)
+    return re.split(r"(?<=\.) (?=[A-Z])", words, maxsplit=1)[0]
 
 
 def _camera_file(options: argparse.Namespace) -> int:

@@ -113,7 +113,7 @@ def write_fringes(
     """Write result.h5, figures, scene.toml, report.html and report.json. attributes: of result.h5, beside those of all
     results."""
     from irtscots_cl.report.fringe_figures import write_fringe_figures
-    from irtscots_cl.report.html import write_measured_html
+    from irtscots_cl.report.page.page import write_measured_page
 
     result = found.result
     outline = None if found.picture is None else found.picture.outline
@@ -133,9 +133,9 @@ def write_fringes(
     }
     with open_output_folder(folder):
         write_fringe_result(folder / "result.h5", maps, result, common | attributes | version_attributes(), bars)
-        figures = write_fringe_figures(folder / "figures", result, maps)
+        figures = [folder / "figures" / name for name in write_fringe_figures(folder / "figures", result, maps)]
         write_text(folder / "scene.toml", result.nominal.to_toml())
-        write_measured_html(folder / "report.html", facts, figures, result.nominal.to_toml())
+        write_measured_page(folder / "report.html", facts, result, bars, pictures=figures)
         write_json(folder / "report.json", dict(facts))
 
 

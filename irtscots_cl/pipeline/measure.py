@@ -34,6 +34,7 @@ from irtscots_cl.report.result_file import write_result
 from irtscots_cl.report.types import HeightErrors, MeasuredFacts, Refused
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
+from irtscots_cl.system.atomic_files import plain, write_json, write_text
 
 if TYPE_CHECKING:
     from irtscots_cl.pipeline.lab_lines import CalibratedLines
@@ -72,11 +73,13 @@ def measure(
 
     how: a name of methods.MEASURES. strict: refuse doubtful images, too. source: the images' file, for messages.
     zernike: kind of the terms that are fitted, of coefficients.KINDS. choice: of the pixels that may be used, and of
-    marks on the mirror. camera: what is known about the camera that the images come from. Writes result.h5 and figures
-    into the folder and returns the main facts, named as in report.json. Raises RefusedImagesError if a check says that
-    the images are wrong, ValueError if they do not fit the scene or cannot be measured.
+    marks on the mirror. camera: what is known about the camera that the images come from. Writes result.h5, figures,
+    scene.toml, report.html and report.json into the folder and returns the main facts, named as in report.json. Raises
+    RefusedImagesError if a check says that the images are wrong, ValueError if they do not fit the scene or cannot be
+    measured.
     """
     from irtscots_cl.report.figures import write_figures
+    from irtscots_cl.report.page.page import write_measured_page
 
     check_kind(zernike)
     with named(source):
@@ -101,6 +104,9 @@ def measure(
     with open_output_folder(folder):
         write_result(folder / "result.h5", stack, result, attributes, bars)
         write_figures(folder / "figures", stack, result, None)
+        write_text(folder / "scene.toml", nominal.to_toml())
+        write_measured_page(folder / "report.html", facts, result, bars, stack)
+        write_json(folder / "report.json", plain(facts))
     return facts
 
 
@@ -196,6 +202,7 @@ def measured_facts(
         "pixels_with_traced_light": int(result.light_traced().sum()) if curves else 0,
         "pixels_without_model": int(result.without_model().sum()) if curves else 0,
         "deviation_nm_rms": cast("HeightErrors", deviation),
+        "deviation_nm_pv": float(np.nanmax(left["piston_tilt"]) - np.nanmin(left["piston_tilt"])) * 1e6,
         "slope_standard_error_urad": cast("AlongAxes", slopes),
         "height_standard_error_nm": rms(bars.height_mm, joined) * 1e6 if bars else unknown,
         "of_bound": cast("AlongAxes", bound),

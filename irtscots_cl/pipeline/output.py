@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from irtscots_cl.pipeline.simulate import Run
-from irtscots_cl.report.html import write_html
 from irtscots_cl.report.result_file import write_result
 from irtscots_cl.report.seconds import with_parts
 from irtscots_cl.system import interruption
@@ -24,7 +23,9 @@ def write_run(run: Run, folder: Path, started: float = 0.0, progress: Callable[[
     started: seconds of the command before the simulation. progress(done, total): of result.h5, with numbers of light
     curves.
     """
-    from irtscots_cl.report.figures import write_figures  # matplotlib is slow to import: only where figures are made
+    # matplotlib is slow to import: only where figures are made
+    from irtscots_cl.report.figures import write_figures
+    from irtscots_cl.report.page.page import write_page
 
     report, toml = run.report, run.transport.scene.to_toml()
     attributes = {
@@ -43,10 +44,10 @@ def write_run(run: Run, folder: Path, started: float = 0.0, progress: Callable[[
         attributes |= version_attributes()
         write_result(folder / "result.h5", run.stack, run.result, attributes, run.bars, progress)
         stored = time.perf_counter()
-        figures = write_figures(folder / "figures", run.stack, run.result, run.comparison, run.parts)
+        write_figures(folder / "figures", run.stack, run.result, run.comparison, run.parts)
         drawn = time.perf_counter()
         report["seconds"] = with_parts(report["seconds"], start=started, store=stored - began, figures=drawn - stored)
-        write_html(folder / "report.html", report, figures, toml)
+        write_page(folder / "report.html", report, run.stack, run.result, run.comparison, run.parts, run.bars)
         written = report["seconds"].get("report", 0.0) + time.perf_counter() - drawn
         report["seconds"] = with_parts(report["seconds"], report=written)
         write_json(folder / "report.json", report)

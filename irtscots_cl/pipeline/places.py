@@ -60,8 +60,12 @@ def median_errors(result: Reconstruction) -> AlongAxes:
 def write_places(
     folder: Path, result: Reconstruction, why: Exclusions, own: Rows, facts: MeasuredFacts, bars: ErrorBars
 ) -> None:
-    """Write result.h5, figures, scene.toml and report.json. why, own: of upright maps; files hold them as stored."""
+    """Write result.h5, figures, scene.toml, report.html and report.json.
+
+    why, own: of upright maps; files hold them as stored.
+    """
     from irtscots_cl.report.figures import height_figure, slope_figure
+    from irtscots_cl.report.page.page import write_measured_page
 
     nominal = result.nominal
     orientation = nominal.camera.detector.orientation
@@ -82,6 +86,7 @@ def write_places(
             with replacing(folder / "figures" / name) as temporary:
                 figure.savefig(temporary, dpi=120)
         write_text(folder / "scene.toml", nominal.to_toml())
+        write_measured_page(folder / "report.html", facts, result, bars)
         write_json(folder / "report.json", dict(facts))
 
 

@@ -22,6 +22,7 @@ from irtscots_cl.report.types import (
     ZernikeFacts,
     ZernikeFitFacts,
 )
+from irtscots_cl.tracing.options import ANALYTIC
 
 CLEAR = 3.0  # standard errors: smaller coefficients are counted, not listed
 
@@ -133,14 +134,17 @@ def _run_table(report: Report) -> Table:
     fates = ", ".join(
         f"{name.replace('_', ' ')} {count:,}" for name, count in ledger.items() if count and name != "launched"
     )
+    rays = [
+        ("rays", f"{report['rays_total']:,}"),
+        ("rays/s", f"{report['rays_per_second'] / 1e6:.1f} M"),
+        ("ledger", fates),
+    ]
     return Table(
         f"{report['scene']}, {report['estimator']} estimator on {report['device']['name']}",
         ("", ""),
         [
-            ("rays", f"{report['rays_total']:,}"),
-            ("rays/s", f"{report['rays_per_second'] / 1e6:.1f} M"),
+            *([] if report["estimator"] == ANALYTIC else rays),
             ("seconds", ", ".join(f"{name} {value:.2f}" for name, value in seconds.items())),
-            ("ledger", fates),
             ("pixels used", pixels_text(report["pixels_used"], refused)),
             ("slopes of no surface", misfit_text(report["integration_misfit"])),
             *_model_rows(report),
@@ -161,6 +165,7 @@ def measured_tables(facts: MeasuredFacts) -> list[Table]:
     rows = [("pixels used", pixels_text(facts["pixels_used"], facts["light_curves_refused"]))]
     rows += _model_rows(facts)
     rows += [(f"without {terms.replace('_', ', ')} [nm]", f"{v:.4g}") for terms, v in facts["deviation_nm_rms"].items()]
+    rows += [("peak to valley, without piston, tilt [nm]", f"{facts['deviation_nm_pv']:.4g}")]
     if math.isfinite(facts["height_standard_error_nm"]):
         slopes, bound = facts["slope_standard_error_urad"], facts["of_bound"]
         rows += [

@@ -341,6 +341,7 @@ class MeasuredFacts(TypedDict):
     """What `irtscots reconstruct` tells of a lab's images, named as in report.json.
 
     height_standard_error_nm: rms over the pixels used, from the noise in the images, piston and tilt removed.
+    deviation_nm_pv: from the lowest to the highest pixel, piston and tilt removed.
     of_bound: how the centroids' standard errors compare with the least that the samples allow (Cramer-Rao), the
     median over the pixels.
     """
@@ -354,6 +355,7 @@ class MeasuredFacts(TypedDict):
     pixels_with_traced_light: int
     pixels_without_model: int
     deviation_nm_rms: HeightErrors
+    deviation_nm_pv: float
     zernike: list[MeasuredZernike]
     zernike_fit: ZernikeFitFacts
     islands: IslandReport

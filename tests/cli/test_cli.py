@@ -157,9 +157,7 @@ def test_run_writes_all_files_and_nothing_else(finished):
     assert set(seconds) == {*PARTS, "kernels", "total"} and min(seconds.values()) >= 0
     assert seconds["total"] == pytest.approx(sum(seconds[part] for part in PARTS)) and seconds["store"] > 0
     page = (finished / "out" / "report.html").read_text()
-    for source in re.findall(r'src="([^"]+)"', page):
-        assert (finished / "out" / source).is_file()
-    assert len(re.findall(r'src="figures/', page)) == 4
+    assert all(source.startswith("data:") for source in re.findall(r'src="([^"]+)"', page))
 
 
 def test_result_h5_tells_where_it_comes_from(finished, device):

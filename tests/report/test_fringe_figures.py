@@ -101,7 +101,7 @@ def test_maps_are_in_the_file_with_units(folder, page):
 def test_the_html_report_shows_the_page_and_the_numbers(folder):
     html = (folder / "report.html").read_text(encoding="utf-8")
     facts = json.loads((folder / "report.json").read_text(encoding="utf-8"))
-    assert html.index('src="figures/quality.png"') < html.index('src="figures/height.png"')
+    assert html.index('alt="quality" src="data:image/png') < html.index('alt="height" src="data:image/png')
     assert "noise of a sample of median brightness" in html and "12 masked" in html
     # 2 counts of read-out and 5 electrons per count: of some 1100 counts
     assert 10 < facts["fringes"]["noise"]["x"] < 20 and 10 < facts["fringes"]["noise"]["y"] < 20

@@ -73,7 +73,7 @@ def camera_of(
                  exposure_s=exposure_s, frame_s=frame_s)  # fmt: skip
     seconds = exposure_s or getattr(table, "exposure_s", None)
     well = full_well_e or getattr(table, "full_well_e", None)
-    peak = electrons or _peak_e(table, white_w, seconds) or (FILLED * (well or FULL_WELL_E))
+    peak = electrons or peak_electrons(table, white_w, seconds) or (FILLED * (well or FULL_WELL_E))
     if well is not None and peak > well:
         raise ValueError(
             f"{peak:.4g} electrons in the brightest pixel under a white screen and a full well of {well:.4g}: must be "
@@ -96,7 +96,7 @@ def camera_of(
     return found
 
 
-def _peak_e(table: Any, white_w: float, seconds: float | None) -> float | None:
+def peak_electrons(table: Any, white_w: float, seconds: float | None) -> float | None:
     """Electrons of the brightest pixel under a white screen by the table; None where it does not say."""
     if table is None:
         return None

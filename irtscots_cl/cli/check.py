@@ -1,0 +1,95 @@
+"""The command `irtscots check`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from irtscots_cl.cli.common import DEVICE_HELP, EXIT_BAD_INPUT, add_scene, command, print_json
+from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.scene.validation import SceneError
+
+
+def add(commands) -> None:
+    parser = command(
+        commands,
+        "check",
+        _execute,
+        "say what will go wrong with a scene, before a ray is traced",
+        "Looks for mistakes in the scene's numbers, says what part of the mirror will be measured and what limits it, "
+        "the height error to expect by its parts, and the time and memory of the run. Each finding has a code, which "
+        "docs/checks.md explains. With --out also a drawing to scale.",
+    )
+    add_scene(parser)
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write check.json and setup.png there")
+    parser.add_argument(
+        "--detail-mm", type=float, metavar="P", help="shortest period of ripples on the mirror that is to be measured"
+    )
+    parser.add_argument(
+        "--periods",
+        type=float,
+        nargs="+",
+        default=(),
+        metavar="N",
+        help="numbers of fringes over the screen to be shown",
+    )
+    parser.add_argument("--steps", type=int, default=4, metavar="N", help="phase steps of the fringes; default 4")
+    parser.add_argument(
+        "--quick", action="store_true", help="leave out the height errors and the cost, which take some seconds"
+    )
+    parser.add_argument("--strict", action="store_true", help="exit code 2 if anything but information is found")
+    parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
+
+
+def _execute(options: argparse.Namespace) -> int:
+    if options.detail_mm is not None and not 0 < options.detail_mm < 1e12:
+        raise ValueError(f"--detail-mm = {options.detail_mm}: must be above 0")
+    for periods in options.periods:
+        if not 0 < periods < 1e6:
+            raise ValueError(f"--periods = {periods}: must be above 0 and below 1e6")
+    if not 3 <= options.steps <= 64:
+        raise ValueError(f"--steps = {options.steps}: must be from 3 to 64")
+    try:
+        scene = load_scene(options.scene)
+    except SceneError as error:
+        return _refused(options, error)
+    from irtscots_cl.planning.check import check_scene
+    from irtscots_cl.report.scene_check import check_data, check_lines
+    from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain, replacing, write_json
+
+    if options.out is not None:
+        check_output_folder(options.out, ("check.json", "setup.png"))
+    device = None
+    if not options.quick:
+        from irtscots_cl.opencl.device import select_device
+
+        device = select_device(options.device)
+    found = check_scene(scene, detail_mm=options.detail_mm, periods=options.periods, steps=options.steps,
+                        heights=not options.quick, device=device)  # fmt: skip
+    facts = plain(check_data(found))
+    if options.out is not None:
+        from irtscots_cl.report.setup_drawing import setup_figure
+
+        with made_folder(options.out):
+            write_json(options.out / "check.json", facts)
+            with replacing(options.out / "setup.png") as temporary:
+                setup_figure(found.sight).savefig(temporary, dpi=120)
+    if options.json:
+        print_json(facts)
+    else:
+        print("\n".join(check_lines(found)))
+        if options.out is not None:
+            print(f"results in {options.out}")
+    return EXIT_BAD_INPUT if options.strict and found.worst != "info" else 0
+
+
+def _refused(options: argparse.Namespace, error: SceneError) -> int:
+    """Say why a scene file is refused, if a number in the wrong unit explains it; else raise the error."""
+    from irtscots_cl.planning.unreadable import explain
+
+    found = explain(Path(options.scene), error)
+    if options.json:
+        print_json({"findings": [{"code": one.code, "level": one.level, "text": one.text} for one in found]})
+    else:
+        print("\n".join(f"{one.level}: {one.code}: {one.text}" for one in found))
+    return EXIT_BAD_INPUT

@@ -1,0 +1,82 @@
+"""The maps of a page: what there is to see of a measurement, on the detector's grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from irtscots_cl.analysis.comparison import Comparison
+from irtscots_cl.analysis.error_terms import ErrorTerm
+from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.measurement.error_bars import ErrorBars
+from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.report.fiducial import x_direction
+from irtscots_cl.report.page.arrays import packed
+
+MOST_PIXELS = 256  # of a map along its longer side: of larger detectors every so many rows and columns are shown
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One map. heights: whether low-order terms may be taken off it. signed: whether its colours are about zero. group:
+    maps of one group share their scale."""
+
+    name: str
+    unit: str
+    values: FloatArray = field(repr=False)
+    heights: bool = False
+    signed: bool = False
+    group: str = ""
+
+
+def layers_of(
+    result: Reconstruction, bars: ErrorBars | None, comparison: Comparison | None, parts: tuple[ErrorTerm, ...]
+) -> list[Layer]:
+    """The maps of a result, the deviation first. comparison: of a simulation, whose truth is known."""
+    error_mm = bars.height_mm if bars else result.height_standard_error_mm()
+    layers = [Layer("deviation from the design", "nm", result.deviation_mm * 1e6, True, True, "deviation")]
+    if comparison is not None:
+        layers.append(Layer("error of the deviation", "nm", comparison.error_mm * 1e6, True, True))
+    layers.append(Layer("standard error of the height", "nm", error_mm * 1e6))
+    for axis, slope in (("x", result.slope_x), ("y", result.slope_y)):
+        off = _off_design(result, axis, slope) * 1e6
+        layers.append(Layer(f"slope {axis} from the design", "µrad", off, False, True, "slope"))
+    layers += [Layer(f"error: {part.name}", "nm", part.height_mm * 1e6, True, True, "parts") for part in parts]
+    layers.append(Layer("height of the surface", "mm", result.height_mm))
+    return layers
+
+
+def _off_design(result: Reconstruction, axis: str, slope: FloatArray) -> FloatArray:
+    """The slope less the design's at the same point."""
+    design = result.setup.nominal.chief_rays.surface.gradient(result.x_mm, result.y_mm)
+    return np.where(result.mask, slope - design["xy".index(axis)], np.nan)
+
+
+def map_data(
+    result: Reconstruction, bars: ErrorBars | None, comparison: Comparison | None, parts: tuple[ErrorTerm, ...]
+) -> dict[str, Any]:
+    """The maps as JSON for report.js: every `step` rows and columns of the detector's, from the first."""
+    rows, columns = result.mask.shape
+    step = max(1, -(-max(rows, columns) // MOST_PIXELS))
+    shown = (slice(None, None, step), slice(None, None, step))
+    used = result.height_mask
+    details = {"slope x": (result.slope_x, "rad"), "slope y": (result.slope_y, "rad"),
+               "centroid x": (result.centroid_x_mm, "mm"), "centroid y": (result.centroid_y_mm, "mm")}  # fmt: skip
+    return {
+        "rows": rows,
+        "columns": columns,
+        "step": step,
+        "towards": list(x_direction(result.x_mm, result.y_mm)),
+        "x": packed(result.x_mm[shown]),
+        "y": packed(result.y_mm[shown]),
+        "used": packed(used[shown].astype(np.int32)),
+        "flags": packed(result.flags[shown].astype(np.int32)),
+        "details": [{"name": name, "unit": unit, "map": packed(v[shown])} for name, (v, unit) in details.items()],
+        "layers": [
+            {"name": layer.name, "unit": layer.unit, "heights": layer.heights, "signed": layer.signed,
+             "group": layer.group, "map": packed(layer.values[shown])}
+            for layer in layers_of(result, bars, comparison, parts)
+        ],
+    }  # fmt: skip
