@@ -27,7 +27,7 @@ def add(commands) -> None:
         action="store_true",
         help="also seconds against slope and height error by estimator, sampler, precision and rays: half an hour more",
     )
-    parser.add_argument("--quick", action="store_true", help="fewer cases and rounds, tiny scaling; about a minute on two cores")
+    parser.add_argument("--quick", action="store_true", help="fewer cases and rounds, tiny scaling; about a minute")
     parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
     parser.add_argument(
         "--out", type=Path, default=Path("irtscots-out/bench"), metavar="DIR", help="default irtscots-out/bench"

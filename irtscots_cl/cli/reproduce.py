@@ -24,7 +24,7 @@ def add(commands) -> None:
         "reproduce.html.",
     )
     parser.add_argument("what", metavar="WHAT", help="a study, or all")
-    parser.add_argument("--quick", action="store_true", help="without the largest ray numbers: one to three minutes for all")
+    parser.add_argument("--quick", action="store_true", help="without the largest ray numbers: some minutes for all")
     parser.add_argument("--device", metavar="D", help=DEVICE_HELP)
     parser.add_argument(
         "--out",

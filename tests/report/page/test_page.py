@@ -91,7 +91,8 @@ def test_the_file_needs_nothing_else(html, run):
     assert len(html) < MOST_BYTES
     assert not re.findall(r'(?:src|href)="(?!data:)', html) and "url(" not in html and "@import" not in html
     for table in summary_tables(run.report):
-        assert all(cell in html.replace("&#39;", "'") for row in table.rows for cell in row)
+        rows = [row for row in table.rows if row[0] != "seconds"]  # the page's own are not over when it is written
+        assert all(cell in html.replace("&#39;", "'") for row in rows for cell in row)
     assert "irtscots run sphere-deviated --estimator analytic" in html
 
 
