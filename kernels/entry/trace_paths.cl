@@ -12,7 +12,7 @@
 
 // Puts the rays that leave the screen into the list. Positions count from the screen group's origin: small numbers.
 // cones: of cones_begin; ray: the number of the first one.
-INLINE void emit(const Trace *trace, __global const Emitter *emitter, const Words *words, const Words *keys, uint cones,
+INLINE void emit(const Trace *trace, __global const Emitter *emitter, const Words *words, const Keys *keys, uint cones,
                  ulong ray, Rays *rays) {
     __constant Scene *scene = trace->scene;
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
@@ -27,7 +27,7 @@ INLINE void emit(const Trace *trace, __global const Emitter *emitter, const Word
         rays->weight[v] = aim.weight;
         light_emit(rays, v);
         for (int w = 0; w < PATH_WORDS; ++w) rays->path[w][v] = (uintv)(0);
-        rays->key[v] = ray_words(keys, 0, v);
+        rays->key[v] = ray_keys(keys, v);
         rays->group[v] = (intv)(trace->job->screen_group);
         rays->last[v] = (intv)(trace->job->screen_element);
         rays->before[v] = (intv)(-1);
@@ -175,7 +175,8 @@ __kernel void trace_paths(__constant Scene *scene, const Launch launch, __global
     const uint cones = cones_begin(&launch, source);
     Sampler sampler;
     sampler_begin(&sampler, &launch, source);
-    Words words, keys;
+    Words words;
+    Keys keys;
     Rays rays;
     for (ulong first = item.begin; first < item.end; first += BLOCK) {
         sampler_block(&sampler, first, &words);
