@@ -55,10 +55,11 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
         packed = departures.pack_departures(surface, real)
         structs |= packed.structs
         choices |= packed.choices
-        constants, values, tables = packed.constants, packed.values, np.asarray(packed.tables, real)
+        constants = packed.constants | departures.mirror_constants(chief, precision)
+        values, tables = packed.values, np.asarray(packed.tables, real)
         if departures.is_slight(surface, precision):
             choices["arrival"] = "compensated"
-        of_mirror = departures.mirror_values(chief, precision)
+        of_mirror = departures.mirror_values(chief)
     if surface.outline is not None:
         from irtscots_cl.tracing.packing.outline import pack_outline  # imported late: few mirrors are no disks
 

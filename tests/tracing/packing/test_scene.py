@@ -91,5 +91,5 @@ def test_newton_steps_are_as_many_as_the_slope_error_needs():
     found = [newton_steps(strong, slope) for slope in (1e-3, 1e-9, 1e-13, 0.0)]
     assert found == sorted(found) and found[0] < found[2] <= found[3] <= MAX_NEWTON_STEPS
     assert newton_steps(slight, 1e-13) < newton_steps(strong, 1e-13)
-    packed = [pack(strong, precision).scene["mirror"]["newton_steps"][0] for precision in ("fp32", "fp64")]
+    packed = [pack(strong, precision).constants["newton_steps"][0] for precision in ("fp32", "fp64")]
     assert packed == [newton_steps(strong, 1e-9), newton_steps(strong, 1e-13)]
