@@ -4,7 +4,9 @@
 The job: the preset `sphere`. The kernels of limit/ know this scene alone: forward with random words of Philox or a
 lattice, with counting and without, and adjoint with sums instead of a map. Each is built for 8 and for 16 rays side by
 side, and the faster counts. Before that its light is compared with ours. Rates are medians of rounds in which all take
-their turns, of OpenCL's own times; ratios are within rounds.
+their turns, of OpenCL's own times; ratios are within rounds. Our forward sources get whole work-items, as in long runs.
+A limit kernel aims at a square, which is simpler: pi / 4 of its rays are of use at most. So there is a second ratio, of
+the rays that meet the mirror.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ import numpy as np
 from compare_peers import difference, job, our_image
 
 from irtscots_cl.bench.suite import conditions
-from irtscots_cl.execution.device_tracer import DeviceTracer
+from irtscots_cl.execution.device_tracer import MIN_TIMED_RAYS, DeviceTracer
+from irtscots_cl.execution.launch_plan import MAX_RAYS_PER_ITEM
 from irtscots_cl.opencl.device import Device, DeviceError, select_device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import compose
@@ -149,8 +152,9 @@ def fault(kernel: LimitKernel, estimator: str, given: dict, ours: Transport) -> 
     return None
 
 
-def checked_limits(device: Device, given: dict) -> dict[str, list[LimitKernel]]:
-    """The limit kernels by name, of each width; SystemExit if one does other work than ours."""
+def checked_limits(device: Device, given: dict) -> tuple[dict[str, list[LimitKernel]], dict[str, float]]:
+    """The limit kernels by name, of each width, and by estimator the share of our rays that meets the mirror over that
+    of theirs. SystemExit if one does other work than ours."""
     scene, found = load_scene("sphere"), {}
     ours = {estimator: trace(scene, device=device, estimator=estimator, rays_per_pixel=rays, replicates=1)
             for estimator, rays in OUR_RAYS.items()}  # fmt: skip
@@ -161,12 +165,22 @@ def checked_limits(device: Device, given: dict) -> dict[str, list[LimitKernel]]:
         for kernel in found[name]:
             if "nothing" not in LIMITS[name][-1] and (wrong := fault(kernel, estimator, given, ours[estimator])):
                 raise SystemExit(f"limit {name}, {kernel.width} rays side by side: not the same work: {wrong}")
-    return found
+    met = {estimator: 1 - run.ledger["missed_mirror"] / run.rays_total for estimator, run in ours.items()}
+    # of an adjoint limit kernel's rays pi / 4 pass the aperture, and of these as many meet the mirror as of ours
+    return found, {"forward": met["forward"] / (np.pi / 4), "adjoint": 4 / np.pi}
+
+
+class OurTracer(DeviceTracer):
+    """A tracer whose forward sources get whole work-items."""
+
+    def throughput(self, rays: int) -> float:
+        whole = self.task.options.estimator == "forward"
+        return super().throughput(rays, MAX_RAYS_PER_ITEM if whole else MIN_TIMED_RAYS)
 
 
 def our_tracers(device: Device) -> dict[str, DeviceTracer]:
     setup = Setup(load_scene("sphere"))
-    return {name: DeviceTracer(SequentialTask(setup, options, accumulate=accumulate), device)
+    return {name: OurTracer(SequentialTask(setup, options, accumulate=accumulate), device)
             for name, (options, accumulate, _) in OURS.items()}  # fmt: skip
 
 
@@ -180,8 +194,13 @@ def time_all(timed: dict[str, LimitKernel | DeviceTracer], rounds: int) -> dict[
     return rates
 
 
-def table(limits: dict[str, list[LimitKernel]], rates: dict[str, list[float]]) -> dict[str, dict]:
-    """Rows by name: rates, and of ours the ratio to the limit, of medians' faster width, within each round."""
+def table(
+    limits: dict[str, list[LimitKernel]], rates: dict[str, list[float]], of_use: dict[str, float]
+) -> dict[str, dict]:
+    """Rows by name: rates, and of ours the ratio to the limit, of medians' faster width, within each round.
+
+    of_use: see checked_limits.
+    """
     rows, fastest = {}, {}
     for name, kernels in limits.items():
         of_width = {kernel.width: rates[_label(name, kernel)] for kernel in kernels}
@@ -193,6 +212,7 @@ def table(limits: dict[str, list[LimitKernel]], rates: dict[str, list[float]]) -
     for name, (_, _, limit) in OURS.items():
         ratios = np.array(rates[name]) / fastest[limit]
         rows[name] = _row(rates[name]) | {"limit": limit, "of_limit": float(np.median(ratios)),
+                                          "of_limit_on_mirror": float(np.median(ratios)) * of_use[name.split()[0]],
                                           "of_limit_lowest": float(ratios.min()),
                                           "of_limit_highest": float(ratios.max())}  # fmt: skip
     return rows
@@ -213,15 +233,16 @@ def main() -> None:
     options = parser.parse_args()
     try:
         device = select_device(options.device)
-        limits, tracers = checked_limits(device, job()), our_tracers(device)
+        (limits, of_use), tracers = checked_limits(device, job()), our_tracers(device)
     except DeviceError as error:
         print(f"compare_limit.py: {error}", file=sys.stderr)
         sys.exit(2)
     timed = {_label(name, kernel): kernel for name, kernels in limits.items() for kernel in kernels} | tracers
-    rows = table(limits, time_all(timed, options.rounds))
+    rows = table(limits, time_all(timed, options.rounds), of_use)
     for name, row in rows.items():
         of_limit = "limit" in row and (
-            f"{row['of_limit']:7.3f} ({row['of_limit_lowest']:.3f} to {row['of_limit_highest']:.3f}) of {row['limit']}"
+            f"{row['of_limit']:7.3f} ({row['of_limit_lowest']:.3f} to {row['of_limit_highest']:.3f}) "
+            f"of {row['limit']}; on the mirror {row['of_limit_on_mirror']:.3f}"
         )
         print(f"{name:40} {row['rays_per_second'] / 1e6:7.1f} M rays/s {of_limit or ''}")
     print(json.dumps(conditions(device) | {"rounds": options.rounds, "rows": rows}))
