@@ -80,7 +80,7 @@ def compose(
     """
     choices = choices | {
         "real": "float" if precision == "fp32" else "double",
-        **dict.fromkeys(("simd", "gather"), "vector" if width > 1 else "scalar"),
+        **dict.fromkeys(("simd", "gather", "sobol_words"), "vector" if width > 1 else "scalar"),
     }
     known = kernel_files()
     files: list[str] = []

@@ -146,7 +146,7 @@ def mirror_dtype(real, deviated: bool, annular: bool) -> np.dtype:
     """The mirror's quadric (quadric.Quadric) and aperture, with only the fields that the scene's kernels read."""
     names = ["q_xx", "q_yy", "q_zz", "q_xz", "aperture_radius2"] + ["obscuration_radius2"] * annular
     names += ["departure_radius2"] * deviated  # beyond which no line meets the mirror
-    return np.dtype([(name, real) for name in names] + [("newton_steps", np.int32)] * deviated, align=True)
+    return np.dtype([(name, real) for name in names], align=True)
 
 
 def zernike_term_dtype(real) -> np.dtype:

@@ -19,9 +19,12 @@ _HALF = np.uint64(32)
 # (2008, new-joe-kuo-6.21201) for the second to fourth dimension; the first has all integers 1.
 _JOE_KUO = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
 _OWEN_FACTORS = (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6)  # Burley, JCGT 9(4), 2020
+_SOBOL_BITS = np.uint32(8)  # SOBOL_BITS of the kernel
+_FIRST_BITS = np.uint32(0xFF000000)
 _LATTICE_STEPS = np.array(
     [0xDB4F0B9175AE2165, 0xBBE0563303A4615F, 0xA0F2EC75A1FE1576, 0x89E182857D9ED689], np.uint64
 )  # phi^-1 ... phi^-4 in units of 2^-64, phi^5 = phi + 1
+_LATTICE_BLOCK = 256  # LATTICE_BLOCK of the kernel
 
 
 def philox4x32_10(counter: np.ndarray, key: tuple[int, int]) -> np.ndarray:
@@ -93,17 +96,22 @@ def _philox_words(seed: int, source: int, replicate: int, rays: np.ndarray) -> n
 
 
 def _sobol_words(seed: int, source: int, replicate: int, rays: np.ndarray) -> np.ndarray:
-    return owen_scramble(sobol_points(rays), _sampler_seeds(seed, source, replicate, rays >> _HALF))
+    points, runs = sobol_points(rays), rays >> _HALF
+    leading = owen_scramble(points & _FIRST_BITS, _sampler_seeds(seed, source, replicate, runs))
+    trailing = owen_scramble(points << _SOBOL_BITS, _sampler_seeds(seed, source, replicate, runs, 1))
+    return leading ^ trailing >> _SOBOL_BITS
 
 
 def _lattice_words(seed: int, source: int, replicate: int, rays: np.ndarray) -> np.ndarray:
     shift = _sampler_seeds(seed, source, replicate, np.zeros(1, np.uint64))
-    return (rays[:, None] * _LATTICE_STEPS >> _HALF).astype(np.uint32) + shift  # both modulo their word
+    within = rays % np.uint64(_LATTICE_BLOCK)
+    words = [(part[:, None] * _LATTICE_STEPS >> _HALF).astype(np.uint32) for part in (rays - within, within)]
+    return words[0] + words[1] + shift  # all modulo their word
 
 
-def _sampler_seeds(seed: int, source: int, replicate: int, runs: np.ndarray) -> np.ndarray:
-    """Twin of kernels/random/seeds.cl: words [n, 4] that the runs [n] of 2^32 rays of a source are randomised with."""
-    return _philox(seed, runs, _LOW, source, replicate)
+def _sampler_seeds(seed: int, source: int, replicate: int, runs: np.ndarray, part: int = 0) -> np.ndarray:
+    """Twin of kernels/random/seeds.cl: words [n, 4] that a part of the runs [n] of 2^32 rays is randomised with."""
+    return _philox(seed, runs, _LOW - np.uint64(part), source, replicate)
 
 
 def _philox(seed: int, *counter) -> np.ndarray:

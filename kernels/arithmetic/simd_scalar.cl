@@ -38,6 +38,9 @@ INLINE ulong mask_word(maskv mask) { return mask; }
 #define ALL_LANES 1UL
 #define LANE_PARTS 1
 #define LANE_PART 1UL
+#define LANE_PAIRS 1
+INLINE ulong pair_bits(uintv bits, int pair) { return bits; }
+INLINE int lowest_bit(ulong word) { return 0; }
 INLINE int lowest_lane(ulong word) { return 0; }
 
 INLINE wordv reverse_bits(wordv x) {

@@ -73,9 +73,29 @@ INLINE ulong mask_word(maskv mask) {
 #define LANE_PART 0x0101010101010101UL
 #define ALL_LANES (0x0101010101010101UL * ((1 << WIDTH / 8) - 1))   // mask_word of a full mask
 
+// The bits of two neighbouring lanes: 32 of lane 2 * pair, then 32 of the next. Few of many bits are found faster in
+// long words: a loop over them ends less often, and its end is what a processor cannot predict.
+#define LANE_PAIRS (WIDTH / 2)
+INLINE ulong pair_bits(uintv bits, int pair) { return ((const ulong *)&bits)[pair]; }
+
+INLINE int lowest_bit(ulong word) { return __builtin_ctzl(word); }
+
 INLINE int lowest_lane(ulong word) {
-    const int bit = __builtin_ctzl(word);
+    const int bit = lowest_bit(word);
     return bit / 8 + bit % 8 * 8;
+}
+
+// Exchanges lanes i and i ^ k; swap: all lanes' masks of k's bits.
+#define LANE_BITS (WIDTH == 8 ? 3 : 4)
+INLINE uintv swap_lanes(uintv x, const intv swap[LANE_BITS]) {
+    #pragma unroll
+    for (int bit = 0; bit < LANE_BITS; ++bit) {
+        uintv other;
+        #pragma unroll
+        for (int i = 0; i < WIDTH; ++i) ((uint *)&other)[i] = ((const uint *)&x)[i ^ 1 << bit];
+        x = swap[bit] ? other : x;
+    }
+    return x;
 }
 
 // The bits of each word in reverse order.

@@ -4,6 +4,12 @@
 #include "cones_*.cl"
 #include "tally.cl"
 
-// words: those of the sampler; keys: one word per ray for events on its path, in the first dimension. first: the number
-// of the first ray, if the rays have consecutive numbers.
-typedef struct { Words words, keys; ulong first; int count; } Batch;
+// words: those of the sampler, [dimension][ray]; keys: one word per ray for events on its path. first: the number of the
+// first ray, if the rays have consecutive numbers.
+typedef struct {
+    wordv words[DIMENSIONS][BLOCK / WORD_LANES], keys[BLOCK / WORD_LANES];
+    ulong first;
+    int count;
+} Batch;
+
+INLINE uintv batch_words(const Batch *batch, int dimension, int v) { return ((const uintv *)batch->words[dimension])[v]; }

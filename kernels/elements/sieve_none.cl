@@ -14,12 +14,15 @@ INLINE void sieve_begin(Sieve *sieve, const Trace *trace, const WorkItem *item, 
 // Fills the batch with the next rays of the work-item. Returns false if there are none left.
 INLINE bool sieve_fill(Sieve *sieve, const Trace *trace, Batch *batch) {
     if (sieve->next >= sieve->end) return false;
-    sampler_block(&sieve->sampler, sieve->next, &batch->words);
+    Words words;
+    sampler_block(&sieve->sampler, sieve->next, &words);
+    for (int d = 0; d < DIMENSIONS; ++d)
+        for (int v = 0; v < BLOCK_VECTORS; ++v) ((uintv *)batch->words[d])[v] = ray_words(&words, d, v);
     for (int v = 0; v < BLOCK / WORD_LANES; ++v) {
         const ulong ray = sieve->next + v * WORD_LANES;
         const wordv low = (uint)ray + word_index();
         const wordv high = (uint)(ray >> 32) + (low < (uint)ray ? (wordv)(1) : (wordv)(0));
-        batch->keys.of[0][v] = path_key(trace->launch, sieve->source, low, high);
+        batch->keys[v] = path_key(trace->launch, sieve->source, low, high);
     }
     batch->first = sieve->next;
     batch->count = (int)min(sieve->end - sieve->next, (ulong)(BLOCK));

@@ -70,18 +70,22 @@ INLINE void sieve_block(Sieve *sieve, const Trace *trace) {
     sieve->at = 0;
 }
 
-// Puts ray number `of` of the block at the end of the batch. The words of its number wait where its key will be.
-INLINE void batch_add(Batch *batch, const Sieve *sieve, int of) {
-    const ulong ray = sieve->next - BLOCK + of;
-    for (int d = 0; d < DIMENSIONS; ++d)
-        ((uint *)batch->words.of[d])[batch->count] = ((const uint *)sieve->words.of[d])[of];
-    ((uint *)batch->keys.of[0])[batch->count] = (uint)ray;
-    ((uint *)batch->keys.of[1])[batch->count] = (uint)(ray >> 32);
+// Puts a ray of the block, in this lane of vector v, at the end of the batch; high: where the upper halves of the rays'
+// numbers wait, as the lower ones do where the keys will be.
+INLINE void batch_add(Batch *batch, const Sieve *sieve, wordv *high, int v, int lane) {
+    const ulong ray = sieve->next - BLOCK + v * WIDTH + lane;
+    for (int d = 0; d < DIMENSIONS; ++d) {
+        const uintv words = ray_words(&sieve->words, d, v);
+        ((uint *)batch->words[d])[batch->count] = ((const uint *)&words)[lane];
+    }
+    ((uint *)batch->keys)[batch->count] = (uint)ray;
+    ((uint *)high)[batch->count] = (uint)(ray >> 32);
     ++batch->count;
 }
 
 // Fills the batch with the next rays of the work-item that must be followed. Returns false if there are none left.
 INLINE bool sieve_fill(Sieve *sieve, const Trace *trace, Batch *batch) {
+    wordv high[BLOCK / WORD_LANES];
     batch->count = 0;
     batch->first = 0;
     while (batch->count < BLOCK) {
@@ -91,12 +95,12 @@ INLINE bool sieve_fill(Sieve *sieve, const Trace *trace, Batch *batch) {
         }
         ulong lanes = sieve->follow[sieve->at];
         for (; lanes != 0 && batch->count < BLOCK; lanes &= lanes - 1)
-            batch_add(batch, sieve, sieve->at * WIDTH + lowest_lane(lanes));
+            batch_add(batch, sieve, high, sieve->at, lowest_lane(lanes));
         sieve->follow[sieve->at] = lanes;
         if (lanes == 0) ++sieve->at;
     }
     for (int v = 0; v * WORD_LANES < batch->count; ++v)
-        batch->keys.of[0][v] = path_key(trace->launch, sieve->source, batch->keys.of[0][v], batch->keys.of[1][v]);
+        batch->keys[v] = path_key(trace->launch, sieve->source, batch->keys[v], high[v]);
     return batch->count > 0;
 }
 

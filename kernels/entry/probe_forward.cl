@@ -25,11 +25,12 @@ __kernel void probe_forward(__constant Scene *scene, __global const real *tables
         const Line line = forward_emit(scene, &emitter, &aim, &given, v);
         Meeting met = mirror_meet(scene, tables, &line);
         mirror_deviate(scene, tables, &line, &met);
-        const Arrival at = forward_arrive(scene, &line, &met);
+        maskv through, clipped;
+        const Arrival at = forward_arrive(scene, &line, &met, &through, &clipped);
         unit_disk(ray_words(&given, FORWARD_AIM_RADIUS, v), ray_words(&given, FORWARD_AIM_ANGLE, v), &x, &y);
         const realv values[PATH_FIELDS] = {x, y, met.point.x, met.point.y, met.point.z,
                                            at.a, at.b, at.slope_a, at.slope_b};
-        const intv masks[2] = {to_int(met.on_mirror), to_int(at.through)};
+        const intv masks[2] = {to_int(met.on_mirror), to_int(through)};
         for (int lane = 0; lane < WIDTH; ++lane) {
             const int ray = v * WIDTH + lane;
             for (int i = 0; i < PATH_FIELDS; ++i) path[i * BLOCK + ray] = ((const real *)&values[i])[lane];

@@ -13,9 +13,14 @@ typedef struct {
     Line lines[BLOCK_VECTORS];
     Meeting meetings[BLOCK_VECTORS];
     Arrival arrivals[BLOCK_VECTORS];
-    ulong through[BLOCK_VECTORS];         // lanes that passed the camera's aperture, from mask_word
+    uintv through;                        // rays that passed the camera's aperture: bit v for that of vector v
     intv on_mirror, clipped;              // counts per lane
 } Block;
+
+// Rays beyond the last count for nothing. Only a run's last block has any.
+INLINE void block_end(Block *block, uint count) {
+    for (int v = 0; v < BLOCK_VECTORS; ++v) block->meetings[v].on_mirror &= to_mask(lane_index() + v * WIDTH < count);
+}
 
 // First passes, branch-free: trace all rays of the block to the camera's aperture.
 INLINE void block_trace(Block *block, __constant Scene *scene, __global const real *tables, const Emitter *emitter,
@@ -26,23 +31,28 @@ INLINE void block_trace(Block *block, __constant Scene *scene, __global const re
         block->lines[v] = forward_emit(scene, emitter, &block->aims[v], &block->words, v);
     for (int v = 0; v < BLOCK_VECTORS; ++v) block->meetings[v] = mirror_meet(scene, tables, &block->lines[v]);
     for (int v = 0; v < BLOCK_VECTORS; ++v) mirror_deviate(scene, tables, &block->lines[v], &block->meetings[v]);
+    if (count < BLOCK) block_end(block, count);
+    intv on_mirror = block->on_mirror, clipped = block->clipped;
+    maskv passed = 0;
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
-        const maskv valid = to_mask(lane_index() + v * WIDTH < count);
-        const Arrival at = forward_arrive(scene, &block->lines[v], &block->meetings[v]);
-        block->arrivals[v] = at;
-        block->through[v] = mask_word(valid & at.through);
-        block->on_mirror = count_mask(block->on_mirror, valid & block->meetings[v].on_mirror);
-        block->clipped = count_mask(block->clipped, valid & at.clipped);
+        maskv through, stopped;
+        block->arrivals[v] = forward_arrive(scene, &block->lines[v], &block->meetings[v], &through, &stopped);
+        passed |= through & (1 << v);
+        on_mirror = count_mask(on_mirror, block->meetings[v].on_mirror);
+        clipped = count_mask(clipped, stopped);
     }
+    block->through = as_uintv(to_int(passed));
+    block->on_mirror = on_mirror;
+    block->clipped = clipped;
 }
 
 // Last pass: only the rays that passed the aperture. Returns how many of them landed on the detector.
 INLINE uint block_detect(const Block *block, __constant Scene *scene, Hits *hits, uint *off_detector) {
     uint through = 0, detected = 0;
-    for (int v = 0; v < BLOCK_VECTORS; ++v) {
-        const Arrival *at = &block->arrivals[v];
-        for (ulong lanes = block->through[v]; lanes != 0; lanes &= lanes - 1, ++through) {
-            const int lane = lowest_lane(lanes);
+    for (int pair = 0; pair < LANE_PAIRS; ++pair) {
+        for (ulong rays = pair_bits(block->through, pair); rays != 0; rays &= rays - 1, ++through) {
+            const int bit = lowest_bit(rays), lane = 2 * pair + bit / 32;
+            const Arrival *at = &block->arrivals[bit % 32];
             const int pixel = detector_pixel(scene, ((const real *)&at->a)[lane], ((const real *)&at->b)[lane],
                                              ((const real *)&at->slope_a)[lane], ((const real *)&at->slope_b)[lane]);
             if (pixel < 0) continue;

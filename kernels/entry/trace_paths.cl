@@ -11,11 +11,11 @@
 // numbers. cones: of cones_begin.
 INLINE void emit(const Trace *trace, __global const Emitter *emitter, const Batch *batch, uint cones, Rays *rays) {
     __constant Scene *scene = trace->scene;
-    const Words *words = &batch->words;
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
-        const Leave aim = cones_leave(trace->job, emitter, words, cones, batch->first, v);
-        const realv x = emitter->x + scene->screen_pitch_x * uniform_centred(ray_words(words, FORWARD_PIXEL_X, v));
-        const realv y = emitter->y + scene->screen_pitch_y * uniform_centred(ray_words(words, FORWARD_PIXEL_Y, v));
+        const Leave aim = cones_leave(trace->job, emitter, batch_words(batch, FORWARD_AIM_RADIUS, v),
+                                      batch_words(batch, FORWARD_AIM_ANGLE, v), cones, batch->first, v);
+        const realv x = emitter->x + scene->screen_pitch_x * uniform_centred(batch_words(batch, FORWARD_PIXEL_X, v));
+        const realv y = emitter->y + scene->screen_pitch_y * uniform_centred(batch_words(batch, FORWARD_PIXEL_Y, v));
         const vec3v at = frame_across(&scene->screen, x, y);
         const vec3v along = frame_along(&scene->screen, aim.l, aim.m, aim.n);
         rays->x[v] = at.x, rays->y[v] = at.y, rays->z[v] = at.z;
@@ -24,7 +24,7 @@ INLINE void emit(const Trace *trace, __global const Emitter *emitter, const Batc
         rays->weight[v] = aim.weight;
         light_emit(rays, v);
         for (int w = 0; w < PATH_WORDS; ++w) rays->path[w][v] = (uintv)(0);
-        rays->key[v] = ray_words(&batch->keys, 0, v);
+        rays->key[v] = ((const uintv *)batch->keys)[v];
         rays->group[v] = (intv)(trace->job->screen_group);
         rays->last[v] = (intv)(trace->job->screen_element);
         rays->before[v] = (intv)(-1);

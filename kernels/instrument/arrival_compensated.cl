@@ -19,19 +19,20 @@ INLINE vec3v deviation_turn(const Line *line, const Meeting *met, vec3v n) {
 
 INLINE maskv reflected_arrive(__constant Scene *scene, __constant Frame *frame, const Line *line, const Meeting *met,
                               realv *u, realv *v, realv *slope_u, realv *slope_v) {
-    const vec3v normal = mirror_design_normal(scene, met), direction = reflect(line, normal);
+    const vec3v normal = mirror_design_normal(scene, met);
+    const vec3v direction = reflect(line, normal, surface_normal_square(normal));
     const vec3v turn = deviation_turn(line, met, normal);
-    const realv along = dot_axis(frame->axis_z, direction), along_turn = dot_axis(frame->axis_z, turn);
+    const realv along = dot_axis_z(frame->axis_z, direction), along_turn = dot_axis_z(frame->axis_z, turn);
     const realv sum = along + along_turn, inverse = 1 / sum;
     const realv lost = along_turn - (sum - along);   // rounding error of the sum
-    const realv depth = dot_axis(frame->axis_z, met->point) + frame->offset[2];
+    const realv depth = dot_axis_z(frame->axis_z, met->point) + frame->offset[2];
     const realv main_u = dot_axis_x(frame->axis_x, direction) * inverse;
-    const realv main_v = dot_axis(frame->axis_y, direction) * inverse;
+    const realv main_v = dot_axis_y(frame->axis_y, direction) * inverse;
     const realv turn_u = (dot_axis_x(frame->axis_x, turn) - main_u * lost) * inverse;
-    const realv turn_v = (dot_axis(frame->axis_y, turn) - main_v * lost) * inverse;
+    const realv turn_v = (dot_axis_y(frame->axis_y, turn) - main_v * lost) * inverse;
     *slope_u = main_u + turn_u;
     *slope_v = main_v + turn_v;
     *u = dot_axis_x(frame->axis_x, met->point) + frame->offset[0] - depth * main_u - depth * turn_u;
-    *v = dot_axis(frame->axis_y, met->point) + frame->offset[1] - depth * main_v - depth * turn_v;
+    *v = dot_axis_y(frame->axis_y, met->point) + frame->offset[1] - depth * main_v - depth * turn_v;
     return inverse > 0;
 }

@@ -6,5 +6,6 @@
 // Where the light of a line that met the mirror crosses the frame's plane z = 0; results as in frame_arrive.
 INLINE maskv reflected_arrive(__constant Scene *scene, __constant Frame *frame, const Line *line, const Meeting *met,
                               realv *u, realv *v, realv *slope_u, realv *slope_v) {
-    return frame_arrive(frame, met->point, reflect(line, mirror_normal(scene, met)), u, v, slope_u, slope_v);
+    const vec3v normal = mirror_normal(scene, met);
+    return frame_arrive(frame, met->point, reflect(line, normal, mirror_normal_square(normal)), u, v, slope_u, slope_v);
 }

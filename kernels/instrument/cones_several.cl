@@ -31,12 +31,12 @@ INLINE intv cones_of(const PathJob *job, uint first, ulong ray, int v) {
     return cone;
 }
 
-INLINE Leave cones_leave(const PathJob *job, __global const Emitter *emitter, const Words *words, uint first, ulong ray,
-                         int v) {
+INLINE Leave cones_leave(const PathJob *job, __global const Emitter *emitter, uintv radius_word, uintv angle_word,
+                         uint first, ulong ray, int v) {
     const int count = sizeof(emitter->cones) / sizeof(emitter->cones[0]);
     const intv chosen = cones_of(job, first, ray, v);
     realv x, y, l = (realv)(0), m = (realv)(0), density = (realv)(0);
-    unit_disk(ray_words(words, FORWARD_AIM_RADIUS, v), ray_words(words, FORWARD_AIM_ANGLE, v), &x, &y);
+    unit_disk(radius_word, angle_word, &x, &y);
     for (int k = 0; k < count; ++k) {
         __global const Cone *cone = &emitter->cones[k];
         const maskv mine = to_mask(chosen == k);

@@ -12,10 +12,10 @@ INLINE real cones_weight(const PathJob *job, const Emitter *own) {
     return own->aim_ll * own->aim_mm * job->inverse_unit_area;
 }
 
-INLINE Leave cones_leave(const PathJob *job, __global const Emitter *emitter, const Words *words, uint first, ulong ray,
-                         int v) {
+INLINE Leave cones_leave(const PathJob *job, __global const Emitter *emitter, uintv radius_word, uintv angle_word,
+                         uint first, ulong ray, int v) {
     const Emitter own = *emitter;
-    const Direction aim = forward_aim(&own, words, v);
+    const Direction aim = aim_of(&own, radius_word, angle_word);
     const realv n = -real_sqrt(1 - aim.l * aim.l - aim.m * aim.m);
     return (Leave){aim.l, aim.m, n, (realv)(cones_weight(job, &own))};
 }

@@ -4,17 +4,15 @@
 #include "reflection.cl"
 #include "frame_*.cl"
 
-INLINE realv dot_axis(__constant real *axis, vec3v v) { return axis[0] * v.x + axis[1] * v.y + axis[2] * v.z; }
-
 // Where the ray from point_world along direction_world (of any length) crosses the device's plane z = 0.
 // u, v: position there; slope_u, slope_v: du/dz, dv/dz. Returns false if the ray runs away from the plane.
 INLINE maskv frame_arrive(__constant Frame *frame, vec3v point_world, vec3v direction_world,
                           realv *u, realv *v, realv *slope_u, realv *slope_v) {
-    const realv inverse = 1 / dot_axis(frame->axis_z, direction_world);
-    const realv depth = dot_axis(frame->axis_z, point_world) + frame->offset[2];
+    const realv inverse = 1 / dot_axis_z(frame->axis_z, direction_world);
+    const realv depth = dot_axis_z(frame->axis_z, point_world) + frame->offset[2];
     *slope_u = dot_axis_x(frame->axis_x, direction_world) * inverse;
-    *slope_v = dot_axis(frame->axis_y, direction_world) * inverse;
+    *slope_v = dot_axis_y(frame->axis_y, direction_world) * inverse;
     *u = dot_axis_x(frame->axis_x, point_world) + frame->offset[0] - depth * *slope_u;
-    *v = dot_axis(frame->axis_y, point_world) + frame->offset[1] - depth * *slope_v;
+    *v = dot_axis_y(frame->axis_y, point_world) + frame->offset[1] - depth * *slope_v;
     return inverse > 0;
 }

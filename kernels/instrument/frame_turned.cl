@@ -1,8 +1,11 @@
 // Frames of devices in any position, also turned about their z. Unit: mm.
 #include "line.cl"
 
-// Component of a world vector along a frame's x axis.
-INLINE realv dot_axis_x(__constant real *axis, vec3v v) { return axis[0] * v.x + axis[1] * v.y + axis[2] * v.z; }
+// Components of a world vector along a frame's axes.
+INLINE realv dot_axis(__constant real *axis, vec3v v) { return axis[0] * v.x + axis[1] * v.y + axis[2] * v.z; }
+INLINE realv dot_axis_x(__constant real *axis, vec3v v) { return dot_axis(axis, v); }
+INLINE realv dot_axis_y(__constant real *axis, vec3v v) { return dot_axis(axis, v); }
+INLINE realv dot_axis_z(__constant real *axis, vec3v v) { return dot_axis(axis, v); }
 
 // The world's components of the frame's vectors (u, v, 0) and (l, m, n).
 INLINE vec3v frame_across(__constant Frame *frame, realv u, realv v) {

@@ -2,7 +2,10 @@
 // The verbs are those of frame_turned.cl. Unit: mm.
 #include "line.cl"
 
+INLINE realv dot_axis(__constant real *axis, vec3v v) { return axis[0] * v.x + axis[1] * v.y + axis[2] * v.z; }
 INLINE realv dot_axis_x(__constant real *axis, vec3v v) { return axis[0] * v.x + axis[2] * v.z; }
+INLINE realv dot_axis_y(__constant real *axis, vec3v v) { return dot_axis(axis, v); }
+INLINE realv dot_axis_z(__constant real *axis, vec3v v) { return dot_axis(axis, v); }
 
 // The line through the frame's point (u, v, 0) along (direction_u, direction_v, direction_z) in the frame.
 INLINE Line frame_depart(__constant Frame *frame, realv u, realv v, realv direction_u, realv direction_v,

@@ -4,9 +4,8 @@
 #include "screen_*.cl"
 #include "emission.cl"
 
-// Position and slopes in the camera's aperture plane, in the camera's frame. through: passed the aperture; clipped:
-// missed it after meeting the mirror.
-typedef struct { realv a, b, slope_a, slope_b; maskv through, clipped; } Arrival;
+// Position and slopes in the camera's aperture plane, in the camera's frame.
+typedef struct { realv a, b, slope_a, slope_b; } Arrival;
 
 INLINE Line forward_emit(__constant Scene *scene, const Emitter *emitter, const Direction *aim, const Words *words,
                          int v) {
@@ -15,11 +14,13 @@ INLINE Line forward_emit(__constant Scene *scene, const Emitter *emitter, const 
                        uniform_centred(ray_words(words, FORWARD_PIXEL_Y, v)), aim->l, aim->m, n);
 }
 
-INLINE Arrival forward_arrive(__constant Scene *scene, const Line *line, const Meeting *met) {
+// through: passed the aperture; clipped: missed it after meeting the mirror.
+INLINE Arrival forward_arrive(__constant Scene *scene, const Line *line, const Meeting *met, maskv *through,
+                              maskv *clipped) {
     Arrival at;
     const maskv ahead = reflected_arrive(scene, &scene->camera, line, met, &at.a, &at.b, &at.slope_a, &at.slope_b);
     const realv radius2 = at.a * at.a + at.b * at.b;
-    at.through = met->on_mirror & ahead & (radius2 <= scene->aperture_radius2);
-    at.clipped = met->on_mirror & (!ahead | (radius2 > scene->aperture_radius2));
+    *through = met->on_mirror & ahead & (radius2 <= scene->aperture_radius2);
+    *clipped = met->on_mirror & (!ahead | (radius2 > scene->aperture_radius2));
     return at;
 }

@@ -13,7 +13,7 @@ INLINE void mirror_approach(__constant Scene *scene, __global const real *tables
     const realv level_rise = normal.x * line->p + normal.y * line->q + normal.z;
     realv dz = asphere_guess(scene, base.x, base.y) * (normal.z / level_rise);
     at->point = (vec3v){base.x + line->p * dz, base.y + line->q * dz, base.z + dz};
-    for (int step = 0; step < scene->mirror.newton_steps; ++step) {
+    for (int step = 0; step < newton_steps[0]; ++step) {
         mirror_departure(scene, tables, at->point.x, at->point.y, &at->height, &at->slope_x, &at->slope_y);
         const realv dx = line->p * dz, dy = line->q * dz, du = dz - at->height;
         const vec3v half_bend = {one_half * (q_xx * dx + q_xz * du), one_half * (q_yy * dy),

@@ -39,3 +39,7 @@ INLINE vec3v mirror_normal(__constant Scene *scene, const Meeting *at) {
     normal.y -= at->slope_y * normal.z;
     return normal;
 }
+
+INLINE realv mirror_normal_square(vec3v normal) {
+    return normal.x * normal.x + normal.y * normal.y + normal.z * normal.z;
+}

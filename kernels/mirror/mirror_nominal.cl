@@ -19,3 +19,6 @@ INLINE void mirror_deviate(__constant Scene *scene, __global const real *tables,
 INLINE vec3v mirror_normal(__constant Scene *scene, const Meeting *at) {
     return surface_normal(&scene->mirror, at->point);
 }
+
+// The square of that vector's length.
+INLINE realv mirror_normal_square(vec3v normal) { return surface_normal_square(normal); }

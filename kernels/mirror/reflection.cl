@@ -6,9 +6,8 @@
 #include "mirror_*.cl"
 
 // Direction of the light of a line after reflection at a surface with normal n: 2 (d.n) n - (n.n) d, with d = (p, q, 1)
-// against the incoming light. Neither n nor the result needs unit length.
-INLINE vec3v reflect(const Line *line, vec3v n) {
+// against the incoming light. nn: n.n. Neither n nor the result needs unit length.
+INLINE vec3v reflect(const Line *line, vec3v n, realv nn) {
     const realv dn2 = 2 * (line->p * n.x + line->q * n.y + n.z);
-    const realv nn = n.x * n.x + n.y * n.y + n.z * n.z;
     return (vec3v){dn2 * n.x - nn * line->p, dn2 * n.y - nn * line->q, dn2 * n.z - nn};
 }

@@ -16,3 +16,7 @@ INLINE vec3v surface_normal(__constant Mirror *mirror, vec3v point) {
     const real curvature = mirror->q_xx;
     return (vec3v){-curvature * point.x, -curvature * point.y, 1 - mirror->q_zz * point.z};
 }
+
+INLINE realv surface_normal_square(vec3v normal) {
+    return normal.x * normal.x + normal.y * normal.y + normal.z * normal.z;
+}

@@ -10,3 +10,5 @@ INLINE maskv surface_meet(__constant Mirror *mirror, realv x0, realv y0, realv p
 INLINE vec3v surface_normal(__constant Mirror *mirror, vec3v point) {
     return (vec3v){(realv)(0), (realv)(0), (realv)(1)};
 }
+
+INLINE realv surface_normal_square(vec3v normal) { return 1; }

@@ -16,3 +16,7 @@ INLINE vec3v surface_normal(__constant Mirror *mirror, vec3v point) {
     return (vec3v){-(mirror->q_xx * point.x + mirror->q_xz * point.z), -mirror->q_yy * point.y,
                    1 - mirror->q_zz * point.z - mirror->q_xz * point.x};
 }
+
+INLINE realv surface_normal_square(vec3v normal) {
+    return normal.x * normal.x + normal.y * normal.y + normal.z * normal.z;
+}

@@ -21,3 +21,6 @@ INLINE vec3v surface_normal(__constant Mirror *mirror, vec3v point) {
     const real curvature = mirror->q_xx;
     return (vec3v){-curvature * point.x, -curvature * point.y, 1 - curvature * point.z};
 }
+
+// The square of that vector's length.
+INLINE realv surface_normal_square(vec3v normal) { return 1; }

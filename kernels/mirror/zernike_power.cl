@@ -4,7 +4,7 @@
 //
 // W = sum over rows of c(t) B, where B is the real part (cosine rows) or the imaginary part (sine rows) of zeta^m,
 // zeta = (x + i y) / radius. The coefficients come from irtscots_cl/maths/zernike/. The generated declarations
-// list the rows (zernike_order, zernike_sine, zernike_count), so that all loops unroll.
+// list the rows (zernike_order, zernike_sine, zernike_count) and the most coefficients of one, so that all loops unroll.
 #include "simd_*.cl"
 
 // Adds the deviation [mm] at (x, y) [mm] to *sum, and its slopes to *slope_x and *slope_y.
@@ -22,23 +22,29 @@ INLINE void zernike_add(__constant Scene *scene, realv x_mm, realv y_mm, realv *
         for (; m < zernike_order[row]; ++m) {
             lower_re = power_re;
             lower_im = power_im;
-            power_re = lower_re * x - lower_im * y;
-            power_im = lower_re * y + lower_im * x;
+            power_re = m == 0 ? x : lower_re * x - lower_im * y;
+            power_im = m == 0 ? y : lower_re * y + lower_im * x;
         }
         realv c = coefficient[0], c_dt = 0;                         // highest power first
         #pragma unroll
-        for (int k = 1; k < zernike_count[row]; ++k) {
-            c_dt = c_dt * t + c;
+        for (int k = 1; k < zernike_most[0]; ++k) {
+            if (k >= zernike_count[row]) break;
+            c_dt = k == 1 ? c : c_dt * t + c;
             c = c * t + coefficient[k];
         }
         coefficient += zernike_count[row];
-        const bool sine = zernike_sine[row];
+        // No compiler leaves out products with 0 and sums with it: what is not there is not written.
+        const bool sine = zernike_sine[row], slopes = zernike_count[row] > 1;
         const realv base = sine ? power_im : power_re;
         const realv mc = m * c;
-        height += c * base;
-        radial_slope += c_dt * base;
-        gradient_x += mc * (sine ? lower_im : lower_re);
-        gradient_y += mc * (sine ? lower_re : -lower_im);
+        height = row == 0 ? c * base : height + c * base;
+        if (slopes) radial_slope += m == 0 ? c_dt : c_dt * base;
+        if (m == 1 && sine) gradient_y += c;
+        else if (m == 1) gradient_x += c;
+        else if (m > 1) {
+            gradient_x += mc * (sine ? lower_im : lower_re);
+            gradient_y += mc * (sine ? lower_re : -lower_im);
+        }
     }
     *sum += height;
     *slope_x += (gradient_x + 4 * x * radial_slope) * zernike->inverse_radius;

@@ -1,5 +1,4 @@
 // Random words for ray paths: for scenes with interfaces or scatter, where events on a path are random.
-#include "words.cl"
 #include "philox.cl"
 
 // One word per ray, from Philox with a counter that no sampler uses. low, high: the words of the rays' numbers.

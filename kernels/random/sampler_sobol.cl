@@ -2,11 +2,18 @@
 // hash-based Owen scrambling, JCGT 2020). Every 2^32 rays of a source get a scrambling of their own, so a source never
 // repeats; direction numbers of Joe and Kuo (2008) for four dimensions.
 //
-// All words stay bit-reversed until the end. In that form, multiplication makes each bit depend on the bits above it in
-// the original order, as Owen's scrambling requires.
+// Of every 256 points in turn, each has another one of the 256 values of the first eight bits, and the 24 bits below are
+// the same for all. So a point's word is that of its first eight bits, which are scrambled and followed by 24 bits that
+// are drawn for them, exclusive or the 24 bits below, which are scrambled for themselves. Any two words are distributed
+// as after Owen's scrambling of all 32 bits: independent behind the first bit, of these eight, in which they differ, and
+// behind the first eight as the scrambled 24 bits, shifted. The variance of a mean depends on pairs alone.
+//
+// All points stay bit-reversed until they are scrambled. In that form, multiplication makes each bit depend on the bits
+// above it in the original order, as Owen's scrambling requires.
 #include "seeds.cl"
 
 #define POINT_BITS 32
+#define SOBOL_BITS 8   // of a point, that are scrambled apart
 
 // Direction numbers, bit-reversed: [dimension][bit of the ray's number].
 __constant uint sobol_direction[DIMENSIONS][POINT_BITS] = {
@@ -36,28 +43,8 @@ INLINE uint sobol_point(int dimension, uint ray) {
     return point;
 }
 
-typedef struct {
-    const Launch *launch;
-    uint source, run;                               // run: the ray's number / 2^32; each run has its own seed
-    uint seed[DIMENSIONS];
-    wordv within[DIMENSIONS][BLOCK / WORD_LANES];   // points of the rays 0 ... BLOCK - 1, not scrambled
-} Sampler;
-
-INLINE void sampler_begin(Sampler *sampler, const Launch *launch, uint source) {
-    sampler->launch = launch;
-    sampler->source = source;
-    sampler->run = 0;
-    sampler_seeds(launch, source, 0, sampler->seed);
-    for (int d = 0; d < DIMENSIONS; ++d) {
-        wordv lanes;
-        for (int lane = 0; lane < WORD_LANES; ++lane) ((uint *)&lanes)[lane] = sobol_point(d, lane);
-        for (int v = 0; v < BLOCK / WORD_LANES; ++v)
-            sampler->within[d][v] = lanes ^ sobol_point(d, (uint)(v * WORD_LANES));
-    }
-}
-
 // Scrambling of bit-reversed words: each bit is flipped by a hash of the bits that weigh more and of the seed.
-INLINE wordv owen_scramble(wordv reversed, uint seed) {
+INLINE wordv owen_scramble(wordv reversed, wordv seed) {
     wordv x = reversed + seed;
     x ^= x * 0x6c50b47cu;
     x ^= x * 0xb82f1e52u;
@@ -66,13 +53,12 @@ INLINE wordv owen_scramble(wordv reversed, uint seed) {
     return x;
 }
 
-// Words of the rays first ... first + BLOCK - 1; first is a multiple of BLOCK.
-INLINE void sampler_block(Sampler *sampler, ulong first, Words *words) {
-    const uint run = (uint)(first >> POINT_BITS);
-    if (run != sampler->run) sampler_seeds(sampler->launch, sampler->source, sampler->run = run, sampler->seed);
-    for (int d = 0; d < DIMENSIONS; ++d) {
-        const uint base = sobol_point(d, (uint)first);
-        for (int v = 0; v < BLOCK / WORD_LANES; ++v)
-            words->of[d][v] = reverse_bits(owen_scramble(sampler->within[d][v] ^ base, sampler->seed[d]));
-    }
+// The scrambled words of points whose last 24 bits are 0.
+INLINE wordv sobol_leading(wordv reversed, uint seed) { return reverse_bits(owen_scramble(reversed, (wordv)(seed))); }
+
+// The scrambled last 24 bits of points.
+INLINE wordv sobol_trailing(wordv reversed, wordv seeds) {
+    return reverse_bits(owen_scramble(reversed >> SOBOL_BITS, seeds)) >> SOBOL_BITS;
 }
+
+#include "sobol_words_*.cl"

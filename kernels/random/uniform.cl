@@ -3,12 +3,12 @@
 
 // (-1/2, 1/2): the odd multiples of 2^-25, 2^24 of them. Never 0 and never +-1/2.
 INLINE realv uniform_centred(uintv word) {
-    return to_real((as_intv(word) >> 7) | 1) * (real)0x1p-25;
+    return to_real(as_intv(word) >> 8) * (real)0x1p-24 + (real)0x1p-25;
 }
 
 // (0, 1): the odd multiples of 2^-24, 2^23 of them. Never 0 and never 1.
 INLINE realv uniform_open(uintv word) {
-    return to_real(as_intv((word >> 8) | 1u)) * (real)0x1p-24;
+    return to_real(as_intv(word >> 9)) * (real)0x1p-23 + (real)0x1p-24;
 }
 
 // sin(pi t) / t and cos(pi t) as polynomials in t^2 for |t| <= 1/2: Chebyshev fits, absolute error below 7e-9 (the

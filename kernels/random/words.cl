@@ -1,9 +1,5 @@
-// The random words of a block of rays: four per ray, [dimension][ray]. Every sampler_*.cl fills them.
+// The random words of a block of rays: four per ray. Every sampler_*.cl defines the type Words, sampler_block, which
+// prepares those of a block, and ray_words, the words of one dimension for the rays of one vector.
 #include "simd_*.cl"
 
 #define DIMENSIONS 4
-
-typedef struct { wordv of[DIMENSIONS][BLOCK / WORD_LANES]; } Words;
-
-// The words of one dimension for the rays of vector v.
-INLINE uintv ray_words(const Words *words, int dimension, int v) { return ((const uintv *)words->of[dimension])[v]; }

@@ -23,12 +23,13 @@ __kernel void trace_paths_forward(__constant Scene *scene, __global const real *
         const Line line = forward_emit(scene, &emitter, &aim, &words, v);
         Meeting met = mirror_meet(scene, tables, &line);
         mirror_deviate(scene, tables, &line, &met);
-        const Arrival at = forward_arrive(scene, &line, &met);
+        maskv through, clipped;
+        const Arrival at = forward_arrive(scene, &line, &met, &through, &clipped);
         realv disk_x, disk_y;
         unit_disk(ray_words(&words, FORWARD_AIM_RADIUS, v), ray_words(&words, FORWARD_AIM_ANGLE, v), &disk_x, &disk_y);
         const realv values[FIELDS] = {line.x0, line.y0, met.point.x, met.point.y, met.point.z,
                                       at.a, at.b, at.slope_a, at.slope_b, disk_x, disk_y};
-        const intv masks[2] = {to_int(met.on_mirror), to_int(at.through)};
+        const intv masks[2] = {to_int(met.on_mirror), to_int(through)};
         for (int lane = 0; lane < WIDTH; ++lane) {
             const size_t j = block * BLOCK + v * WIDTH + lane;
             for (int i = 0; i < FIELDS; ++i) paths[j * FIELDS + i] = ((const real *)&values[i])[lane];

@@ -54,7 +54,7 @@ PATH_FAMILIES = {
 LIGHT_FAMILIES = {family: ["unpolarised", "polarised"] for family in ("light", "carry", "fresnel")}
 # What the screen and the camera choose between: together, and each alone in other tests.
 DEVICE_FAMILIES = {
-    "frame": ["upright", "turned"],
+    "frame": ["upright", "turned", "level"],
     "camera": ["plain", "distorted"],
     "screen": ["flat", "bent"],
     "glass": ["none", "plate"],
@@ -201,6 +201,7 @@ def test_no_kernel_file_is_dead():
         for precision, width in itertools.product(("fp32", "fp64"), (1, 8))
         for file in compose(f"trace_{estimator}.cl", choices, STRUCTS, precision, width).files
     }
+    used |= set(compose("trace_forward.cl", next(all_choices()) | {"frame": "level"}, STRUCTS, "fp32", 8).files)
     for outline in OUTLINES:
         choices = next(all_choices()) | {"outline": outline}
         used |= set(compose("trace_adjoint.cl", choices, STRUCTS, "fp32", 8).files)
@@ -247,7 +248,7 @@ def test_families_here_are_those_of_the_folder():
     }
     families = FAMILIES | DEPARTURE_FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES
     families |= {"lens": LENSES, "outline": OUTLINES}
-    assert stars == {*families, "simd", "gather", "real"}
+    assert stars == {*families, "simd", "gather", "real", "sobol_words"}
     for family, members in families.items():
         assert {f"{family}_{member}.cl" for member in members} == {
             name for name in kernel_files() if re.fullmatch(rf"{family}_[a-z0-9_]+\.cl", name)

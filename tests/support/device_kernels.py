@@ -89,8 +89,10 @@ def draw_on(device: Device, folder: Path, sampler: str, width: int) -> Callable[
     sampler_begin(&sampler, &launch, stream);
     sampler_block(&sampler, launch.first_ray + get_global_id(0) * BLOCK, &words);
     for (int ray = 0; ray < BLOCK; ++ray)
-        for (int i = 0; i < 4; ++i)
-            out[4 * (get_global_id(0) * BLOCK + ray) + i] = ((const uint *)words.of[i])[ray];"""
+        for (int i = 0; i < 4; ++i) {
+            const uintv word = ray_words(&words, i, ray / WIDTH);
+            out[4 * (get_global_id(0) * BLOCK + ray) + i] = ((const uint *)&word)[ray % WIDTH];
+        }"""
     signature = "const Launch launch, uint stream, __global uint *out"
     entry = kernel_text(folder / "draw.cl", [f"sampler_{sampler}.cl"], signature, body)
     kernel = SmallKernel(device, entry, "fp32", width=width)

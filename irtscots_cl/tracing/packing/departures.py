@@ -106,7 +106,8 @@ def _power(rows: PowerRows, real):
     """Tables [()], structures that they contain, and constants for kernels/mirror/zernike_power.cl."""
     out = np.zeros((), zernike_power_dtype(real, len(rows.coefficient)))
     out["coefficient"] = rows.coefficient
-    return out, {}, {f"zernike_{name}": tuple(getattr(rows, name)) for name in ("order", "sine", "count")}
+    constants = {f"zernike_{name}": tuple(getattr(rows, name)) for name in ("order", "sine", "count")}
+    return out, {}, constants | {"zernike_most": (max(rows.count),)}
 
 
 def _clenshaw(series: RadialSeries, real):
@@ -160,12 +161,14 @@ def newton_steps(chief: ChiefRays, slope: float, real=np.float64) -> int:
     return int(enough[0]) + 1 if len(enough) else MAX_NEWTON_STEPS
 
 
-def mirror_values(chief: ChiefRays, precision: str) -> dict[str, float]:
+def mirror_values(chief: ChiefRays) -> dict[str, float]:
     """Fields of the mirror's structure -> their values."""
-    return {
-        "newton_steps": newton_steps(chief, NEWTON_SLOPE[precision], PRECISIONS[precision]),
-        "departure_radius2": _departure_radius2(chief),
-    }
+    return {"departure_radius2": _departure_radius2(chief)}
+
+
+def mirror_constants(chief: ChiefRays, precision: str) -> dict[str, tuple[int, ...]]:
+    """Constants of the source: the kernels' steps to the surface, so that their loop unrolls."""
+    return {"newton_steps": (newton_steps(chief, NEWTON_SLOPE[precision], PRECISIONS[precision]),)}
 
 
 def _departure_radius2(chief: ChiefRays) -> float:

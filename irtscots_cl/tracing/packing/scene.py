@@ -55,10 +55,11 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
         packed = departures.pack_departures(surface, real)
         structs |= packed.structs
         choices |= packed.choices
-        constants, values, tables = packed.constants, packed.values, np.asarray(packed.tables, real)
+        constants = packed.constants | departures.mirror_constants(chief, precision)
+        values, tables = packed.values, np.asarray(packed.tables, real)
         if departures.is_slight(surface, precision):
             choices["arrival"] = "compensated"
-        of_mirror = departures.mirror_values(chief, precision)
+        of_mirror = departures.mirror_values(chief)
     if surface.outline is not None:
         from irtscots_cl.tracing.packing.outline import pack_outline  # imported late: few mirrors are no disks
 
@@ -88,7 +89,7 @@ def pack(chief: ChiefRays, precision: str) -> Packed:
         "surface": _surface_file(chief.scene.mirror),
         "mirror": "deviated" if deviated else "nominal",
         "aperture": "annulus" if annular else "disk",
-        "frame": "turned" if chief.screen_frame.axes[0, 1] or chief.camera_frame.axes[0, 1] else "upright",
+        "frame": _frame_file(chief.screen_frame, chief.camera_frame),
         "camera": "distorted" if distorted else "plain",
         "screen": "bent" if bent else "flat",
         "glass": "none" if glass is None else "plate",
@@ -116,6 +117,14 @@ def _surface_file(mirror) -> str:
     if mirror.conic == 0:
         return "sphere"  # also off axis: every point of a sphere is a vertex
     return "off_axis" if mirror.off_axis_mm != 0 else "conic"
+
+
+def _frame_file(*frames: Frame) -> str:
+    """The cheapest file that holds for all of the devices' frames."""
+    axes = np.stack([frame.axes for frame in frames])  # [devices, axis, component]
+    if axes[:, 0, 1].any():
+        return "turned"
+    return "upright" if axes[:, 2, 1].any() else "level"
 
 
 def _fill_mirror(out: np.ndarray, surface: Surface) -> None:

@@ -29,6 +29,10 @@ def deviated(**noll_um: float):
          {"surface": "conic", "mirror": "nominal", "aperture": "annulus"}),
         (with_part(load_scene("sphere"), "mirror", off_axis_mm=100.0), "fp32", {"surface": "sphere"}),
         (load_scene("off-axis"), "fp32", {"surface": "off_axis"}),
+        (load_scene("sphere"), "fp32", {"frame": "level"}),
+        (with_part(load_scene("sphere"), "screen", look_at_mm=(0.0, 1e-3, 0.0)), "fp32", {"frame": "upright"}),
+        (with_part(load_scene("sphere"), "camera", position_mm=(-218.0, 1e-3, 4161.0)), "fp32", {"frame": "upright"}),
+        (with_part(load_scene("sphere"), "camera", roll_deg=1e-9), "fp32", {"frame": "turned"}),
         (lopsided(), "fp64", {"zernike": "clenshaw", "mirror": "deviated", "arrival": "plain"}),
         (deviated(z6=10.0), "fp32", {"zernike": "power", "arrival": "plain"}),
         (deviated(z6=1e-5), "fp32", {"zernike": "power", "arrival": "compensated"}),
@@ -87,5 +91,5 @@ def test_newton_steps_are_as_many_as_the_slope_error_needs():
     found = [newton_steps(strong, slope) for slope in (1e-3, 1e-9, 1e-13, 0.0)]
     assert found == sorted(found) and found[0] < found[2] <= found[3] <= MAX_NEWTON_STEPS
     assert newton_steps(slight, 1e-13) < newton_steps(strong, 1e-13)
-    packed = [pack(strong, precision).scene["mirror"]["newton_steps"][0] for precision in ("fp32", "fp64")]
+    packed = [pack(strong, precision).constants["newton_steps"][0] for precision in ("fp32", "fp64")]
     assert packed == [newton_steps(strong, 1e-9), newton_steps(strong, 1e-13)]
