@@ -18,7 +18,8 @@ from pathlib import Path
 PACKAGE = "intel-opencl-rt"
 PLATFORM = "Intel(R) OpenCL"  # its name of its platform
 LIBRARY = "libintelocl.so"
-NEEDED, LIBRARIES = "libimf.so", "intel-cmplr-lib-rt"  # a library that it loads, and the package of that
+NEEDED = ("libimf.so", "libsvml.so", "libirng.so", "libintlc.so.5")  # that it loads, of the package LIBRARIES
+LIBRARIES = "intel-cmplr-lib-rt"
 VARIABLE = "OCL_ICD_VENDORS"  # the loader's: its folder of drivers
 SYSTEM_FOLDER = "/etc/OpenCL/vendors"
 
@@ -38,21 +39,27 @@ def problem() -> str:
     path = library()
     if path is None:
         return ""
-    missing = "" if (path.parent / NEEDED).is_file() else f" without {NEEDED} of {LIBRARIES}"
-    return f"{PACKAGE} is installed and does not load{missing}: pip install 'irtscots-cl[intel]' has all that it needs"
+    without = ", ".join(_missing(path))
+    told = f"is not used without {without} of {LIBRARIES}" if without else "gives no OpenCL platform"
+    return f"{PACKAGE} is installed and {told}: pip install 'irtscots-cl[intel]' has all that it needs"
+
+
+def _missing(path: Path) -> list[str]:
+    """The libraries that are not beside it. It would then take them from the current folder, whoever put them there."""
+    return [name for name in NEEDED if not (path.parent / name).is_file()]
 
 
 @contextmanager
 def registered() -> Iterator[None]:
     """Within the block, the loader's first question for platforms also finds the package's driver, if it is there.
 
-    Changes nothing where the package is not installed, where the system's drivers include Intel's, or where VARIABLE
-    names a single driver.
+    Changes nothing where the package or a library that it needs is not installed, where the system's drivers include
+    Intel's, or where VARIABLE names a single driver.
     """
     named = os.environ.get(VARIABLE)
     folder = Path(named or SYSTEM_FOLDER)
     path = library()
-    if path is None or folder.is_file():
+    if path is None or folder.is_file() or _missing(path):
         yield
         return
     drivers = _drivers(folder)

@@ -23,7 +23,7 @@ def package(monkeypatch, tmp_path):
     """A package with the library and one that it needs; the system's drivers in a folder of their own."""
     (tmp_path / "lib").mkdir()
     (tmp_path / "vendors").mkdir()
-    names = (intel_driver.LIBRARY, intel_driver.NEEDED)
+    names = (intel_driver.LIBRARY, *intel_driver.NEEDED)
     for name in names:
         (tmp_path / "lib" / name).write_text("")
     files = [SimpleNamespace(name=name, locate=lambda name=name: tmp_path / "lib" / name) for name in names]
@@ -65,11 +65,13 @@ def test_a_folder_that_is_set_is_kept_and_added_to(package, monkeypatch):
     assert os.environ[intel_driver.VARIABLE] == str(own)
 
 
-@pytest.mark.parametrize("case", ["absent", "the system has it", "one driver is set"])
+@pytest.mark.parametrize("case", ["absent", "not complete", "the system has it", "one driver is set"])
 def test_the_loader_is_left_alone(package, monkeypatch, case):
     before = None
     if case == "absent":
         (package / "lib" / intel_driver.LIBRARY).unlink()
+    elif case == "not complete":  # it would take the library from the current folder
+        (package / "lib" / intel_driver.NEEDED[-1]).unlink()
     elif case == "the system has it":
         (package / "vendors" / "intel64.icd").write_text(f"/opt/intel/{intel_driver.LIBRARY}\n")
     else:
@@ -81,9 +83,9 @@ def test_the_loader_is_left_alone(package, monkeypatch, case):
 
 
 def test_a_driver_that_does_not_load_is_told_with_what_it_needs(package):
-    assert intel_driver.problem().startswith("intel-opencl-rt is installed and does not load: pip install ")
-    (package / "lib" / intel_driver.NEEDED).unlink()
-    assert "does not load without libimf.so of intel-cmplr-lib-rt: pip install " in intel_driver.problem()
+    assert intel_driver.problem().startswith("intel-opencl-rt is installed and gives no OpenCL platform: pip install ")
+    (package / "lib" / "libimf.so").unlink()
+    assert "is not used without libimf.so of intel-cmplr-lib-rt: pip install " in intel_driver.problem()
     (package / "lib" / intel_driver.LIBRARY).unlink()
     assert intel_driver.problem() == ""
 
