@@ -84,11 +84,15 @@ INLINE int lowest_lane(ulong word) {
 }
 
 // The bits of each word in reverse order.
+#if __has_builtin(__builtin_elementwise_bitreverse)
+INLINE wordv reverse_bits(wordv x) { return __builtin_elementwise_bitreverse(x); }
+#else
 INLINE wordv reverse_bits(wordv x) {
     wordv reversed;
     for (int i = 0; i < WORD_LANES; ++i) ((uint *)&reversed)[i] = __builtin_bitreverse32(((uint *)&x)[i]);
     return reversed;
 }
+#endif
 
 // 32 x 32 -> 64 bit products. Even and odd lanes are multiplied separately, which is one hardware instruction each; a
 // vector mul_hi would run lane by lane.
