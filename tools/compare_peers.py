@@ -37,8 +37,11 @@ SIGMAS = 5  # of a fraction's difference from ours: a correct peer fails with a 
 BLOCK = 5  # detector pixels along each side of the squares whose counts are compared: 130 of the checked rays in each
 PEERS = {  # name: (module of peers/, its function, rays per screen pixel of a round)
     "NumPy float64": ("numpy_peer", "peer", 20_480),
-    "Numba float32": ("numba_peer", "peer_float32", 409_600),
-    "Numba float64": ("numba_peer", "peer_float64", 409_600),
+    **{
+        f"Numba {words} {real}": ("numba_peer", f"{words}_{real}", 409_600)
+        for real in ("float32", "float64")
+        for words in ("hash", "philox", "lattice")
+    },
     "Dr.Jit LLVM float32": ("drjit_peer", "peer", 204_800),
     "Mitsuba 3 ray casting": ("mitsuba_peer", "peer", 40_960),
     "batoid, NumPy emission": ("batoid_peer", "peer", 20_480),
@@ -124,7 +127,7 @@ def our_tracers(device: Device) -> dict[str, DeviceTracer]:
     """Our forward estimator by sampler, and in double precision where the device has it."""
     options = {f"irtscots-cl {sampler}": TraceOptions("forward", sampler) for sampler in ("philox", "sobol", "lattice")}
     if device.has_fp64:
-        options["irtscots-cl philox fp64"] = TraceOptions("forward", "philox", "fp64")
+        options |= {f"irtscots-cl {s} fp64": TraceOptions("forward", s, "fp64") for s in ("philox", "lattice")}
     setup = Setup(load_scene("sphere"))
     return {name: DeviceTracer(SequentialTask(setup, option), device) for name, option in options.items()}
 
@@ -147,6 +150,21 @@ def time_all(
     return rates
 
 
+def against_numba(rates: dict[str, list[float]]) -> dict[str, float]:
+    """Our rate over Numba's, median of the rounds' ratios: with the same random numbers, and each with its fastest."""
+    found = {}
+    for real, ending in (("float32", ""), ("float64", " fp64")):
+        ours = {s: f"irtscots-cl {s}{ending}" for s in ("philox", "sobol", "lattice")}
+        theirs = {words: f"Numba {words} {real}" for words in ("philox", "lattice", "hash")}
+        ours, theirs = ({k: np.array(rates[n]) for k, n in of.items() if n in rates} for of in (ours, theirs))
+        for words in ours.keys() & theirs.keys():
+            found[f"{words} {real}"] = float(np.median(ours[words] / theirs[words]))
+        if ours and theirs:
+            best = (max(of.values(), key=np.median) for of in (ours, theirs))
+            found[f"each its best {real}"] = float(np.median(np.divide(*best)))
+    return dict(sorted(found.items()))
+
+
 def main() -> None:
     device, given = select_device(), job()
     facts = conditions(device)
@@ -160,11 +178,13 @@ def main() -> None:
     }  # fmt: skip
     for name, row in rows.items():
         print(f"{name:24} {row['rays_per_second'] / 1e6:8.1f} M rays/s   {row['of_ours_with_philox']:.3f}")
+    for name, ratio in (numba := against_numba(rates)).items():
+        print(f"ours over Numba, {name:22} {ratio:.2f}")
     warm = {"rounds": ROUNDS, "warm_up_rays_per_pixel": CHECKED_RAYS, "peak_memory_mib": peak_memory_mib()}
     facts["versions"] |= {
         name: version(name) for name in ("numba", "drjit", "mitsuba", "batoid") if name in sys.modules
     }
-    print(json.dumps(facts | warm | {"rows": rows}))
+    print(json.dumps(facts | warm | {"rows": rows, "over_numba": numba}))
 
 
 if __name__ == "__main__":

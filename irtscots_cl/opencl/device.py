@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import pyopencl as cl
 
+from irtscots_cl.opencl import intel_driver
 from irtscots_cl.opencl.pocl_cache import PLATFORM, cache_problem
 from irtscots_cl.opencl.pocl_processor import name_processor
 
@@ -134,10 +135,13 @@ def no_device_message() -> str:
 
 
 def _platforms() -> list[cl.Platform]:
+    """All platforms, Intel's last: PoCL keeps its number where the other is installed."""
     try:
-        return cl.get_platforms()
+        with intel_driver.registered():
+            found = cl.get_platforms()
     except cl.Error:
         return []
+    return sorted(found, key=lambda platform: platform.name.strip() == intel_driver.PLATFORM)
 
 
 def _devices_of(platform: cl.Platform) -> list[cl.Device]:
@@ -157,7 +161,9 @@ def select_device(choice: str | None = None) -> Device:
     """A device by index ("0:0"), kind ("gpu", "cpu") or part of its or its platform's name, ignoring case.
 
     None uses the environment variable IRTSCOTS_DEVICE or, if that is not set, the best device: a GPU before a CPU,
-    more compute units before fewer. "pocl" is the embedded device. Raises DeviceError if no device matches.
+    more compute units before fewer. "pocl" is the embedded device. Of PoCL and Intel's driver of the same processor, if
+    the choice allows both, Intel's is taken if it is clearly faster (speed.fastest). Raises DeviceError if no device
+    matches.
     """
     devices = all_devices()
     if not devices:
@@ -174,7 +180,24 @@ def select_device(choice: str | None = None) -> Device:
         hidden = f"; {problem}" if (problem := _pocl_problem()) else ""
         raise DeviceError(f"{source} = {choice!r}: no such usable device; found: {allowed}{hidden}")
     rank = {"gpu": 0, "other": 1, "cpu": 2}
-    return min(matching, key=lambda d: (rank[d.kind], -d.cl_device.max_compute_units))
+    return _faster_driver(min(matching, key=lambda d: (rank[d.kind], -d.cl_device.max_compute_units)), matching)
+
+
+def drivers_compared(devices: Sequence[Device]) -> list[Device]:
+    """PoCL's device and Intel's of the same processor, in this order, if both are among these; else none."""
+    pocl = [device for device in devices if device.platform == PLATFORM]
+    intel = [device for device in devices if device.platform == intel_driver.PLATFORM and device.kind == "cpu"]
+    return [*pocl[:1], *intel] if pocl and intel else []
+
+
+def _faster_driver(best: Device, among: list[Device]) -> Device:
+    """The best of these; if that is one of two drivers of a processor, PoCL's or, if clearly faster, Intel's."""
+    pair = drivers_compared(among)
+    if best not in pair:
+        return best
+    from irtscots_cl.opencl.speed import fastest  # it needs this module
+
+    return fastest(pair[0], pair[1:])
 
 
 def select_devices(choice: str | None = None) -> tuple[Device, ...]:
@@ -185,12 +208,19 @@ def select_devices(choice: str | None = None) -> tuple[Device, ...]:
     """
     wanted = choice if choice is not None else os.environ.get(ENVIRONMENT)
     if wanted is not None and wanted.strip().lower() == ALL:
-        usable = tuple(d for d in all_devices() if _is_usable(d))
+        usable = _each_processor_once([d for d in all_devices() if _is_usable(d)])
         return usable or (select_device(None),)  # its error says what to do
     if wanted is None or "," not in wanted:
         return (select_device(choice),)
     chosen = [select_device(part) for part in wanted.split(",")]
     return tuple({device.index: device for device in chosen}.values())
+
+
+def _each_processor_once(devices: list[Device]) -> tuple[Device, ...]:
+    """Without the slower of PoCL and Intel's driver: both would run on the same cores."""
+    pair = drivers_compared(devices)
+    kept = _faster_driver(pair[0], pair) if pair else None
+    return tuple(device for device in devices if device not in pair or device is kept)
 
 
 def describe_together(facts: list[dict[str, object]]) -> dict[str, object]:

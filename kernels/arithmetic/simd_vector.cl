@@ -35,12 +35,17 @@ INLINE wordv word_index(void) { return *(__constant wordv *)lane_numbers; }
 
 #define STACK_BLOCKS 8   // capacity of the ray stack in blocks (ray_stack_list.cl)
 
-// Correctly rounded square root: one hardware instruction per register once the compiler has joined the lanes.
+// Correctly rounded square root: one hardware instruction per register. Where the compiler has no builtin for vectors it
+// joins the lanes' roots itself (LLVM 14); where it has one it may leave them apart (Intel's).
+#if __has_builtin(__builtin_elementwise_sqrt)
+INLINE realv real_sqrt(realv x) { return __builtin_elementwise_sqrt(x); }
+#else
 INLINE realv real_sqrt(realv x) {
     realv root;
     for (int i = 0; i < WIDTH; ++i) ((real *)&root)[i] = real_sqrt_scalar(((real *)&x)[i]);
     return root;
 }
+#endif
 
 // Counts the set lanes of masks: sums per lane, then over the lanes.
 INLINE intv count_mask(intv counts, maskv mask) { return counts - to_int(mask); }
@@ -99,11 +104,15 @@ INLINE uintv swap_lanes(uintv x, const intv swap[LANE_BITS]) {
 }
 
 // The bits of each word in reverse order.
+#if __has_builtin(__builtin_elementwise_bitreverse)
+INLINE wordv reverse_bits(wordv x) { return __builtin_elementwise_bitreverse(x); }
+#else
 INLINE wordv reverse_bits(wordv x) {
     wordv reversed;
     for (int i = 0; i < WORD_LANES; ++i) ((uint *)&reversed)[i] = __builtin_bitreverse32(((uint *)&x)[i]);
     return reversed;
 }
+#endif
 
 // 32 x 32 -> 64 bit products. Even and odd lanes are multiplied separately, which is one hardware instruction each; a
 // vector mul_hi would run lane by lane.

@@ -33,8 +33,11 @@ def ours(device):
     "name, package",
     [
         ("NumPy float64", "numpy"),
-        pytest.param("Numba float32", "numba", marks=pytest.mark.slow),  # compiles for 10 s
-        pytest.param("Numba float64", "numba", marks=pytest.mark.slow),  # compiles for 10 s
+        *(
+            pytest.param(f"Numba {words} {real}", "numba", marks=pytest.mark.slow)  # compiles for 5 s
+            for real in ("float32", "float64")
+            for words in ("hash", "philox", "lattice")
+        ),
         ("Dr.Jit LLVM float32", "drjit"),
         ("Mitsuba 3 ray casting", "mitsuba"),
         ("batoid, NumPy emission", "batoid"),
@@ -114,3 +117,10 @@ def test_rates_are_of_all_in_turn(tool, device, monkeypatch):
     rates = tool.time_all(tracers, peers, tool.job())
     assert list(rates) == [*tracers, "p"] and calls == [(64, 0), (64, 1)]
     assert all(len(r) == 2 and min(r) > 0 for r in rates.values())
+
+
+def test_numba_is_compared_by_random_numbers_and_by_each_ones_best(tool):
+    rates = {"irtscots-cl philox": [2.0, 4.0, 3.0], "irtscots-cl lattice": [6.0, 6.0, 6.0], "NumPy float64": [9.0] * 3,
+             "Numba philox float32": [1.0, 2.0, 1.0], "Numba hash float32": [2.0, 3.0, 4.0]}  # fmt: skip
+    assert tool.against_numba(rates) == {"each its best float32": 2.0, "philox float32": 2.0}
+    assert tool.against_numba({"irtscots-cl philox": [1.0]}) == {}

@@ -131,6 +131,8 @@ def test_known_words_are_those_of_the_twin(counter, key, words):
 WRONG_KERNELS = {
     "square root": (
         {"real_float.cl": ("__builtin_sqrtf(x)", "(__builtin_sqrtf(x) * 1.0000005f)"),
+         "simd_vector.cl": ("return __builtin_elementwise_sqrt(x)",
+                            "return __builtin_elementwise_sqrt(x) * (real)1.0000005"),
          "simd_scalar.cl": ("return sqrt(x)", "return sqrt(x) * (real)1.0000005")},
         # as many digits as a float has, not a double's
         rf"square root of [\d.e+-]+: expected [\d.e+-]+ {ROOT_WITHIN} [\d.e+-]{{3,14}}",

@@ -1,7 +1,7 @@
 """Dr.Jit with its LLVM backend: one compiled kernel over all rays, float32, PCG32 random numbers.
 
 Tuned: a lane traces many rays of one screen pixel in a loop that Dr.Jit records, not unrolls, so that its random state
-is set up once; each thread counts in an image of its own.
+is set up once; rays are counted by atomics (see count).
 """
 
 from __future__ import annotations

@@ -1,48 +1,92 @@
-"""Numba: one compiled function, parallel over screen pixels, float32 or float64."""
+"""Numba: one compiled function, parallel over screen pixels, float32 or float64, with one of three random numbers."""
 
 from __future__ import annotations
 
 import numba
 import numpy as np
 
+BLOCK = 512  # rays between the pass without branches and the one over those that came through
+DIMENSIONS = 4
+U32 = np.uint32
+STEPS = tuple(np.uint64(step) for step in (0xDB4F0B9175AE2165, 0xBBE0563303A4615F, 0xA0F2EC75A1FE1576,
+                                           0x89E182857D9ED689))  # fmt: skip  # of kernels/random/sampler_lattice.cl
 
-def compiled(real):
+
+@numba.njit(inline="always")
+def mixed(h):
+    """A 32-bit hash (MurmurHash3's last steps)."""
+    h = U32(h)
+    h ^= h >> U32(16)
+    h = U32(h * U32(0x85EBCA6B))
+    h ^= h >> U32(13)
+    h = U32(h * U32(0xC2B2AE35))
+    return U32(h ^ (h >> U32(16)))
+
+
+@numba.njit(inline="always")
+def words_hash(ray, source, key):
+    """The cheapest words: a hash of a counter. All words_* return the four words of a ray; key: of the source."""
+    c = U32(U32(4) * ray + key)
+    return mixed(c), mixed(U32(c + U32(1))), mixed(U32(c + U32(2))), mixed(U32(c + U32(3)))
+
+
+@numba.njit(inline="always")
+def words_philox(ray, source, key):
+    """Philox4x32-10 of counter (ray, 0, source, 0), as ours."""
+    a, b, c, d = ray, U32(0), source, U32(0)
+    key0, key1 = key, U32(0)
+    for _ in range(10):
+        one, two = np.uint64(a) * np.uint64(0xD2511F53), np.uint64(c) * np.uint64(0xCD9E8D57)
+        a, b = U32(U32(two >> np.uint64(32)) ^ b ^ key0), U32(two)
+        c, d = U32(U32(one >> np.uint64(32)) ^ d ^ key1), U32(one)
+        key0, key1 = U32(key0 + U32(0x9E3779B9)), U32(key1 + U32(0xBB67AE85))
+    return a, b, c, d
+
+
+@numba.njit(inline="always")
+def words_lattice(ray, source, key):
+    """Our lattice: upper half of 64 bits of ray number times step, shifted at random by source and dimension."""
+    n = np.uint64(ray)
+    return (
+        U32(U32((n * STEPS[0]) >> np.uint64(32)) + key),
+        U32(U32((n * STEPS[1]) >> np.uint64(32)) + mixed(U32(key + U32(1)))),
+        U32(U32((n * STEPS[2]) >> np.uint64(32)) + mixed(U32(key + U32(2)))),
+        U32(U32((n * STEPS[3]) >> np.uint64(32)) + mixed(U32(key + U32(3)))),
+    )
+
+
+def compiled(real, fill):
     """A compiled function of (rays per screen pixel, seed, job) in float32 or float64, parallel over screen pixels.
 
-    Tuned: blocks of 512 rays, a first loop without branches that the compiler vectorises, with a hash for random words
-    and a polynomial for sine and cosine; a second one over the rays that came through the aperture.
+    fill: one of words_*. Tuned: blocks of BLOCK rays; a pass without branches that the compiler vectorises, with
+    polynomials for sine and cosine, and one over the rays that came through the aperture; an image for each thread;
+    nothing in float64 unless asked for.
     """
-    block, half, one, two = 512, real(0.5), real(1), real(2)
+    block, zero, half, one, two = BLOCK, real(0), real(0.5), real(1), real(2)
     scale = real(2.0**-24)
 
     @numba.njit(inline="always")
-    def uniform(counter):
-        h = np.uint32(counter)
-        h ^= h >> np.uint32(16)
-        h = np.uint32(h * np.uint32(0x85EBCA6B))
-        h ^= h >> np.uint32(13)
-        h = np.uint32(h * np.uint32(0xC2B2AE35))
-        h ^= h >> np.uint32(16)
-        return (real(np.int32(h >> np.uint32(8))) + half) * scale
+    def uniform(word):
+        return (real(np.int32(word >> U32(8))) + half) * scale
 
     @numba.njit(parallel=True, error_model="numpy", fastmath=True)
     def run(of_pixel, seed, sources, s, c, radius, rim2, pitch, aperture2, focal, distance, pixel, n):
-        images = np.zeros((len(sources), n * n), np.uint32)
-        curvature = one / radius
+        images = np.zeros((numba.get_num_threads(), n * n), np.uint32)
+        curvature, edge, centre = one / radius, real(n), half * real(n)
         for k in numba.prange(len(sources)):
             x0s, y0s, ll, mm, all_, aml, amm = sources[k]
             at_a, at_b = np.empty(block, real), np.empty(block, real)
             sl_a, sl_b, ok = np.empty(block, real), np.empty(block, real), np.empty(block, np.int32)
             index = np.empty(block + 1, np.int32)
-            image = np.zeros(n * n, np.uint32)
-            key = np.uint32(uniform(np.uint32(seed * 1000003 + k)) * real(2.0**31))
+            image = images[numba.get_thread_id()]
+            key = mixed(U32(seed * 1000003 + k))
             for first in range(0, of_pixel, block):
                 for j in range(block):
-                    counter = np.uint32(np.uint32(4) * np.uint32(first + j) + key)
-                    r = np.sqrt(uniform(counter))
-                    t = uniform(counter + np.uint32(1)) - half
-                    u = x0s + pitch * (uniform(counter + np.uint32(2)) - half)
-                    v = y0s + pitch * (uniform(counter + np.uint32(3)) - half)
+                    w0, w1, w2, w3 = fill(U32(first + j), U32(k), key)
+                    u = x0s + pitch * (uniform(w0) - half)
+                    v = y0s + pitch * (uniform(w1) - half)
+                    r = np.sqrt(uniform(w2))
+                    t = uniform(w3) - half
                     h = t * t
                     sine = t * ((((real(0.0776576603) * h - real(0.598291286)) * h + real(2.55007752)) * h
                                  - real(5.16771009)) * h + real(3.14159264))  # fmt: skip
@@ -79,11 +123,10 @@ def compiled(real):
                     through += ok[j]
                 for i in range(through):
                     j = index[i]
-                    column = -(at_a[j] + distance * (sl_a[j] - at_a[j] / focal)) / pixel + half * n
-                    row = -(at_b[j] + distance * (sl_b[j] - at_b[j] / focal)) / pixel + half * n
-                    if 0 <= column < n and 0 <= row < n:
+                    column = -(at_a[j] + distance * (sl_a[j] - at_a[j] / focal)) / pixel + centre
+                    row = -(at_b[j] + distance * (sl_b[j] - at_b[j] / focal)) / pixel + centre
+                    if zero <= column < edge and zero <= row < edge:
                         image[int(row) * n + int(column)] += np.uint32(1)
-            images[k] = image
         return images
 
     def peer(of_pixel: int, seed: int, given: dict) -> np.ndarray:
@@ -94,4 +137,9 @@ def compiled(real):
     return peer
 
 
-peer_float32, peer_float64 = compiled(np.float32), compiled(np.float64)
+hash_float32 = compiled(np.float32, words_hash)
+philox_float32 = compiled(np.float32, words_philox)
+lattice_float32 = compiled(np.float32, words_lattice)
+hash_float64 = compiled(np.float64, words_hash)
+philox_float64 = compiled(np.float64, words_philox)
+lattice_float64 = compiled(np.float64, words_lattice)
