@@ -18,8 +18,9 @@ from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.methods import measure_by
-from irtscots_cl.measurement.reconstruction import Reconstruction, design_points, triangulated
+from irtscots_cl.measurement.reconstruction import Reconstruction, design_points
 from irtscots_cl.measurement.slopes import deconvolve_pixel
+from irtscots_cl.measurement.surface_heights import triangulated
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.optics.surface import Surface

@@ -21,7 +21,7 @@ from irtscots_cl.calibration.height_response import HeightResponse
 from irtscots_cl.calibration.seen_pixels import SeenPixels, seen_pixels
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.zernike.polynomials import zernike
-from irtscots_cl.measurement.reconstruction import surface_of
+from irtscots_cl.measurement.surface_heights import surface_of
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Air, Budget
 

@@ -15,7 +15,7 @@ from irtscots_cl.calibration.measured import Measurement
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.maths.integration import integrate
 from irtscots_cl.maths.zernike.polynomials import zernike
-from irtscots_cl.measurement.reconstruction import surface_of, triangulated
+from irtscots_cl.measurement.surface_heights import surface_of, triangulated
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.model import Scene
 

@@ -25,7 +25,7 @@ from irtscots_cl.calibration.robust_plane import robust_plane
 from irtscots_cl.formats.sofast_setup import SofastDisplay, SofastFolder
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.maths.frame import Frame, aim_of
-from irtscots_cl.measurement.reconstruction import triangulated
+from irtscots_cl.measurement.surface_heights import triangulated
 from irtscots_cl.optics.camera_model import CameraModel
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.scene.camera_file import intrinsics_from

@@ -8,6 +8,8 @@ from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.light_curves import effective_screen_pixels, positions
 
+DARK = 1e-12  # of a curve's light
+
 
 def centroids(scan: Scan, curves_w: FloatArray, threshold: float = 0.0) -> FloatArray:
     """Flux-weighted mean line position [..., n] in mm of light curves curves_w [..., n, window] (paper, Eq. 4).
@@ -18,6 +20,25 @@ def centroids(scan: Scan, curves_w: FloatArray, threshold: float = 0.0) -> Float
     offset = _offsets(scan)
     with np.errstate(invalid="ignore", divide="ignore"):
         found: FloatArray = scan.positions_mm[scan.first_line] + (flux * offset).sum(-1) / flux.sum(-1)
+    return found
+
+
+def jackknife_centroids(scan: Scan, threshold: float = 0.0) -> FloatArray:
+    """Centroids [1 + replicates, n] in mm of the mean light curves, then of those with one replicate left out in turn.
+
+    As `centroids` of scan.jackknife_w(). Without a threshold and without samples below 0 the replicates' moments tell
+    them, with no need for the curves.
+    """
+    if threshold > 0 or scan.flux_w.min(initial=0.0) < 0 or np.isnan(scan.flux_w).any():
+        return centroids(scan, scan.jackknife_w(), threshold)
+    weights = scan.weights[:, None]
+    flux = weights * scan.flux_w.sum(-1)
+    moment = weights * np.einsum("rnw,nw->rn", scan.flux_w, _offsets(scan))
+    flux, moment = (np.concatenate([part.sum(0)[None], part.sum(0) - part])[: len(part) + (len(part) > 1)]
+                    for part in (flux, moment))  # fmt: skip
+    flux[flux < DARK * flux[0]] = 0.0  # all light in one replicate: what is left is rounding
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found: FloatArray = scan.positions_mm[scan.first_line] + moment / np.where(flux > 0, flux, np.nan)
     return found
 
 

@@ -20,8 +20,9 @@ from irtscots_cl.measurement.centroids import poisson_error
 from irtscots_cl.measurement.error_bars import ErrorBars, error_bars, slope_derivatives
 from irtscots_cl.measurement.light_profiles import sampling_error
 from irtscots_cl.measurement.line_edges import uncovered
-from irtscots_cl.measurement.reconstruction import Pair, Reconstruction
+from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.slopes import deconvolve_pixel
+from irtscots_cl.measurement.surface_heights import Pair
 from irtscots_cl.measurement.systematic_error import SystematicError, systematic_error
 
 SHARPENED = float(np.hypot(7 / 6, 2 / 24))  # by which deconvolve_pixel multiplies the rms of independent noise

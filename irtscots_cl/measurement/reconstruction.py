@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,17 +10,18 @@ import numpy as np
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
-from irtscots_cl.maths.integration import Islands, Misfit, integrate, integration_misfit, white_noise
+from irtscots_cl.maths.integration import Islands, Misfit, integration_misfit, white_noise
 from irtscots_cl.maths.low_order import remove_terms
 from irtscots_cl.maths.statistics import jackknife_error
-from irtscots_cl.measurement.centroids import centroids
+from irtscots_cl.measurement.centroids import jackknife_centroids
 from irtscots_cl.measurement.light_curves import Flag, flag_curves
 from irtscots_cl.measurement.light_profiles import profile_centroids
 from irtscots_cl.measurement.line_positions import check_fits
 from irtscots_cl.measurement.one_scan import ScanEstimate
 from irtscots_cl.measurement.scan_estimates import estimate_centroids
-from irtscots_cl.measurement.slopes import deconvolve_pixel, half_vector_slopes
+from irtscots_cl.measurement.surface_heights import Pair, surface_of
 from irtscots_cl.optics.chief_rays import ChiefRays
+from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 
@@ -28,8 +30,6 @@ MIN_PIXELS = 4  # to separate piston, tilt and power
 # "windowed" and "likelihood": of signed samples, with noise and background (scan_estimates.py).
 LIGHT_CURVES = ("centroid", "chord", "windowed", "likelihood")
 SIGNED = ("windowed", "likelihood")
-Pair = tuple[FloatArray, FloatArray]  # along x and along y
-HEIGHT_ROUNDS = 2  # slopes, height, slopes, height: a third round changes less than 0.01 nm on a deviation of 1 um
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ def reconstruction_of(
     """
     x_mm, y_mm, u_mm, v_mm = (np.where(mask, v, np.nan) for v in points)
     slope_x, slope_y, deviation, islands = surface_of(
-        setup.chief_rays, (x_mm, y_mm), (u_mm, v_mm), mask, centroid, method, pixel_average
+        setup.chief_rays, (x_mm, y_mm), (u_mm, v_mm), mask, centroid, method, pixel_average, alike=True
     )
     joined = int(islands.main.sum())
     if joined < MIN_PIXELS:
@@ -282,26 +282,33 @@ def _both_scans(
         centroid_x, flag_x = _estimated(setup, estimates[0], light_curve)
         centroid_y, flag_y = _estimated(setup, estimates[1], light_curve)
     else:
-        centroid_x, flag_x = _measured(setup, stack.x, light_curve, threshold)
-        centroid_y, flag_y = _measured(setup, stack.y, light_curve, threshold)
+        light = setup.pixel_light if light_curve == "chord" else None
+        if light is not None:
+            light.coverage()  # made once, before two threads ask for it, as are
+        setup.chief_rays.light_shape(0)  # the chief rays
+        with ThreadPoolExecutor(2) as pool:  # NumPy works on both scans at once
+            measured = pool.map(lambda scan: _measured(setup, scan, light, threshold), (stack.x, stack.y))
+            (centroid_x, flag_x), (centroid_y, flag_y) = measured
     flags = np.maximum(flag_x, flag_y)
     # if one replicate has all the light, leaving it out leaves none
     flags[(flags == Flag.GOOD) & ~np.isfinite(centroid_x + centroid_y).all(0)] = Flag.EMPTY
     return centroid_x, centroid_y, flags
 
 
-def _measured(setup: Setup, scan: Scan, light_curve: str, threshold: float) -> tuple[FloatArray, IntArray]:
-    """Centroids [1 + replicates, rows, columns] in mm, NaN where there is none, and flags [rows, columns]."""
-    curves = scan.jackknife_w()
-    on_grid = np.full((len(curves), scan.shape[0] * scan.shape[1]), np.nan)
-    found = centroids(scan, curves, threshold)
-    if light_curve == "chord":  # one shift for all replicates: it varies by percents only
-        found = found + (profile_centroids(scan, setup.pixel_light, found[0], threshold) - found[0])
+def _measured(setup: Setup, scan: Scan, light: PixelLight | None, threshold: float) -> tuple[FloatArray, IntArray]:
+    """Centroids [1 + replicates, rows, columns] in mm, NaN where there is none, and flags [rows, columns].
+
+    light: whose profiles correct the centroids; None: they stay as they are.
+    """
+    found = jackknife_centroids(scan, threshold)
+    on_grid = np.full((len(found), scan.shape[0] * scan.shape[1]), np.nan)
+    if light is not None:  # one shift for all replicates: it varies by percents only
+        found = found + (profile_centroids(scan, light, found[0], threshold) - found[0])
     on_grid[:, scan.pixels] = found
     half_width, box_row, box_column = setup.chief_rays.light_shape("xy".index(scan.axis))
     reach = (half_width + (box_row + box_column) / 2).ravel()[scan.pixels]
     flags = np.full(on_grid.shape[1], Flag.EMPTY)
-    flags[scan.pixels] = flag_curves(scan, curves[0], on_grid[0, scan.pixels], reach)
+    flags[scan.pixels] = flag_curves(scan, scan.mean_w(), on_grid[0, scan.pixels], reach)
     return on_grid.reshape(-1, *scan.shape), flags.reshape(scan.shape)
 
 
@@ -329,47 +336,3 @@ def design_points(setup: Setup) -> list[FloatArray]:
     for on_grid, mean in zip(points, means, strict=True):
         on_grid.ravel()[light.pixels[use]] = mean[use]
     return points
-
-
-def triangulated(
-    chief: ChiefRays, x_mm: FloatArray, y_mm: FloatArray, z_mm: FloatArray, u_mm: FloatArray, v_mm: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Slopes [..., rows, columns] of the mirror at (x, y, z) that send the camera's chief rays to (u, v)."""
-    points = np.stack(np.broadcast_arrays(x_mm, y_mm, z_mm), -1)
-    screen = chief.screen_model.seen_from(points, u_mm, v_mm)
-    return half_vector_slopes(points, screen, chief.camera_frame.position_mm)
-
-
-def surface_of(
-    chief: ChiefRays, mirror: Pair, landing: Pair, mask: BoolArray, centroid: Pair, method: str, pixel_average: bool
-) -> tuple[FloatArray, FloatArray, FloatArray, Islands]:
-    """Slopes and deviation [1 + replicates, rows, columns] from centroids (u, v) of the same shape; the islands.
-
-    mirror: (x, y), landing: (u, v) [rows, columns] of the design. Only the difference from the slopes that the same
-    triangulation gives for the design is integrated. This excludes the zonal method's own error on the design surface
-    (13 nm of power on the paper's sphere) and the curvature of the landing point over a footprint (41 nm of tilt on the
-    off-axis preset). Eq. 3 contains the height itself, so the computed height is fed back: a pixel sees the deviating
-    mirror where its ray meets it, beside (x, y), where the design has another slope.
-    """
-    surface = chief.surface
-    design, own = surface.sag(*mirror), surface.gradient(*mirror)
-    design_slopes = triangulated(chief, *mirror, design, *landing)
-    aside = _aside(chief, mirror, design, own)
-    deviation = np.zeros(centroid[0].shape)
-    join: bool | Islands = True
-    for _ in range(HEIGHT_ROUNDS):
-        x, y = (at + deviation * by for at, by in zip(mirror, aside, strict=True))
-        slopes, there = triangulated(chief, x, y, surface.sag(x, y) + deviation, *centroid), surface.gradient(x, y)
-        extra_x, extra_y = (slopes[k] - design_slopes[k] - (there[k] - own[k]) for k in range(2))
-        if not pixel_average:
-            extra_x, extra_y = deconvolve_pixel(extra_x, mask), deconvolve_pixel(extra_y, mask)
-        found = integrate(*mirror, extra_x, extra_y, mask, method, join)
-        deviation, join = found.z_mm, found.islands
-    return own[0] + extra_x, own[1] + extra_y, deviation, found.islands
-
-
-def _aside(chief: ChiefRays, mirror: Pair, z_mm: FloatArray, gradient: Pair) -> Pair:
-    """By how much a pixel's ray meets the mirror beside (x, y), along x and y, for each mm of deviation there."""
-    x, y, z = np.moveaxis(np.stack([*mirror, z_mm], -1) - chief.camera_frame.position_mm, -1, 0)
-    steepness = z - x * gradient[0] - y * gradient[1]
-    return x / steepness, y / steepness

@@ -23,9 +23,10 @@ from irtscots_cl.maths.zernike.polynomials import zernike
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_profiles import sampled_centroids
 from irtscots_cl.measurement.one_scan import ScanEstimate
-from irtscots_cl.measurement.reconstruction import Reconstruction, triangulated
+from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.scan_estimates import estimate_centroids
 from irtscots_cl.measurement.slopes import deconvolve_pixel
+from irtscots_cl.measurement.surface_heights import triangulated
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.scene.mirror import ZernikeTerms

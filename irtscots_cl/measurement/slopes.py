@@ -16,11 +16,13 @@ def half_vector_slopes(
     camera_mm: [3] centre of the camera's aperture; all in world coordinates. The surface normal bisects the angle
     between the directions to screen and camera. The mirror points include the unknown height.
     """
-    to_screen, to_camera = screen_mm - mirror_mm, camera_mm - mirror_mm
-    half = to_screen / np.linalg.norm(to_screen, axis=-1, keepdims=True) + to_camera / np.linalg.norm(
-        to_camera, axis=-1, keepdims=True
-    )
-    return -half[..., 0] / half[..., 2], -half[..., 1] / half[..., 2]
+    halves = []
+    for end in (screen_mm, camera_mm):
+        x, y, z = (end[..., axis] - mirror_mm[..., axis] for axis in range(3))
+        length = np.sqrt(x * x + y * y + z * z)
+        halves.append((x / length, y / length, z / length))
+    x, y, z = (to_screen + to_camera for to_screen, to_camera in zip(*halves, strict=True))
+    return -x / z, -y / z
 
 
 def deconvolve_pixel(slope: FloatArray, mask: BoolArray) -> FloatArray:

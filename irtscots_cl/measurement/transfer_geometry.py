@@ -16,7 +16,7 @@ import numpy as np
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.light_profiles import sampling_error
-from irtscots_cl.measurement.reconstruction import triangulated
+from irtscots_cl.measurement.surface_heights import triangulated
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.pixel.ray_map import RayMap
 from irtscots_cl.optics.setup import Setup

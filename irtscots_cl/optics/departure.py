@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.zernike.evaluation import SeriesEvaluation
 from irtscots_cl.maths.zernike.indices import index_to_nm
-from irtscots_cl.maths.zernike.series import RadialSeries, evaluate_series, joined_series, radial_series
+from irtscots_cl.maths.zernike.series import RadialSeries, joined_series, radial_series
 
 if TYPE_CHECKING:
     from irtscots_cl.scene.mirror import Mirror
@@ -40,10 +42,14 @@ class ZernikeDeparture:
     series: RadialSeries = field(repr=False)
     radius_mm: float
 
+    @cached_property
+    def _evaluation(self) -> SeriesEvaluation:
+        return SeriesEvaluation(self.series)
+
     def at(self, x_mm: FloatArray, y_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Height [mm] and its slopes dz/dx, dz/dy at points of any one shape."""
         scale = 1.0 / self.radius_mm
-        height, slope_x, slope_y = evaluate_series(self.series, x_mm * scale, y_mm * scale)
+        height, slope_x, slope_y = self._evaluation.at(x_mm * scale, y_mm * scale)
         return height, slope_x * scale, slope_y * scale
 
     def spread(self, aperture_radius_mm: float) -> tuple[FloatArray, FloatArray]:

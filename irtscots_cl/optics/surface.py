@@ -103,8 +103,11 @@ class Surface:
 
     def gradient(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray]:
         """Slopes dz/dx, dz/dy of the surface."""
+        return self._gradient(x_mm, y_mm, *self.departure_at(x_mm, y_mm)[1:])
+
+    def _gradient(self, x_mm, y_mm, slope_x, slope_y) -> tuple[np.ndarray, np.ndarray]:
+        """The same, where the departures' slopes are there already."""
         design = self.quadric.gradient(x_mm, y_mm, self.quadric.meet(x_mm, y_mm, 0.0, 0.0))
-        _, slope_x, slope_y = self.departure_at(x_mm, y_mm)
         return design[0] + slope_x, design[1] + slope_y
 
     def _defined(self, x_mm, y_mm) -> np.ndarray:
@@ -127,15 +130,18 @@ class Surface:
         base = z = self.quadric.meet(x0, y0, p, q)
         x, y = x0 + p * z, y0 + q * z
         interruption.check()  # maps of a large detector take seconds
+        slopes = None
         if self.departures:
             steps, until_near = MAX_STEPS if newton_steps is None else newton_steps, newton_steps is None
             if self.design:
                 start = np.zeros_like(z) if guess is None else guess(x, y)
                 z = self._follow_design(x0, y0, p, q, base, start, steps, until_near)
+            elif until_near:
+                z, slopes = self._onto_deviation(x0, y0, p, q, base)
             else:
-                z = self._follow_deviation(x0, y0, p, q, base, steps, until_near)
+                z = self._follow_deviation(x0, y0, p, q, base, steps)
             x, y = x0 + p * z, y0 + q * z
-        slope_x, slope_y = self.gradient(x, y)
+        slope_x, slope_y = self.gradient(x, y) if slopes is None else self._gradient(x, y, *slopes)
         interruption.check()
         length = np.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
         normal = -slope_x / length, -slope_y / length, 1.0 / length
@@ -147,21 +153,37 @@ class Surface:
             np.subtract(directions[..., axis], twice * part, out=outgoing[..., axis])
         return np.stack([x, y, z], -1), outgoing
 
-    def _follow_deviation(self, x0, y0, p, q, base, steps: int, until_near: bool) -> np.ndarray:
-        """Height z where lines (x0 + p z, y0 + q z, z) that meet the quadric at z = base meet the surface.
+    def _onto_deviation(self, x0, y0, p, q, base) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        """Height z where lines (x0 + p z, y0 + q z, z) that meet the quadric at z = base meet the surface, and the
+        slopes of the departures there.
 
-        For slight departures: the quadric is as good as level over the way. until_near: stop early.
+        For slight departures: the quadric is as good as level over the way. Newton's method; the slopes are those at
+        the last point but one, which is NEAR_MM away at most.
         """
+        z, x, y = base, x0 + p * base, y0 + q * base
+        quadric_x, quadric_y = self.quadric.gradient(x, y, z)
+        level, defined = 1.0 - p * quadric_x - q * quadric_y, self._defined(x, y)
+        for _ in range(MAX_STEPS):
+            height, slope_x, slope_y = self.departure_at(x, y)
+            left = (z - base) * level - np.where(defined, height, 0.0)
+            step = left / (level - np.where(defined, p * slope_x + q * slope_y, 0.0))
+            z = z - step
+            x, y = x0 + p * z, y0 + q * z
+            interruption.check()
+            if not np.any(np.abs(step) > NEAR_MM):
+                break
+        return z, (slope_x, slope_y)
+
+    def _follow_deviation(self, x0, y0, p, q, base, steps: int) -> np.ndarray:
+        """The same in so many steps, as approach_slight.cl has them."""
         z, x, y = base, x0 + p * base, y0 + q * base
         slope_x, slope_y = self.quadric.gradient(x, y, z)
         defined = self._defined(x, y)
         for _ in range(steps):
             height = np.where(defined, self.departure_at(x, y)[0], 0.0)
-            before, z = z, base + height / (1.0 - p * slope_x - q * slope_y)
+            z = base + height / (1.0 - p * slope_x - q * slope_y)
             x, y = x0 + p * z, y0 + q * z
             interruption.check()
-            if until_near and not np.any(np.abs(z - before) > NEAR_MM):
-                break
         return z
 
     def _follow_design(self, x0, y0, p, q, base, start, steps: int, until_near: bool) -> np.ndarray:

@@ -67,9 +67,8 @@ class MappedSurface(Surface):
 
     extra: PixelMap | None = None
 
-    def gradient(self, x_mm, y_mm) -> tuple[np.ndarray, np.ndarray]:
-        """Slopes dz/dx, dz/dy of the surface."""
-        slopes = super().gradient(x_mm, y_mm)
+    def _gradient(self, x_mm, y_mm, slope_x, slope_y) -> tuple[np.ndarray, np.ndarray]:
+        slopes = super()._gradient(x_mm, y_mm, slope_x, slope_y)
         added = self.extra.gradient(x_mm, y_mm) if self.extra is not None else (0.0, 0.0)
         return slopes[0] + added[0], slopes[1] + added[1]
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from irtscots_cl.maths.zernike.annular import annular_zernike
+from irtscots_cl.maths.zernike.evaluation import evaluate_series
 from irtscots_cl.maths.zernike.indices import noll_to_nm
 from irtscots_cl.maths.zernike.polynomials import zernike
-from irtscots_cl.maths.zernike.series import evaluate_series, joined_series, power_rows, radial_series
+from irtscots_cl.maths.zernike.series import joined_series, power_rows, radial_series
 
 R2, R3, R5, R6, R8 = np.sqrt([2, 3, 5, 6, 8])
 

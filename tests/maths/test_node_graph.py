@@ -88,8 +88,26 @@ def test_both_solvers_agree(name, monkeypatch):
     monkeypatch.setattr(zonal, "_DIRECT_NODES", 0)
     solved = []
     monkeypatch.setattr(zonal.NodeGraph, "_solved", lambda *_: solved.append(1))
-    assert np.abs(graph.heights(rises) - direct).max() < 1e-12  # heights of 2, _RESIDUAL 1e-13
+    assert np.abs(graph.heights(rises) - direct).max() < 1e-12  # heights of 2, RESIDUAL 1e-13
     assert not solved
+
+
+def test_a_start_near_the_heights_saves_steps_and_a_larger_residual_too(monkeypatch):
+    graph, rises = smooth_and_rough(MASKS["ring"])
+    direct = graph.heights(rises)
+    monkeypatch.setattr(zonal, "_DIRECT_NODES", 0)
+    steps: list[int] = []
+    monkeypatch.setattr(zonal, "_between_steps", lambda _: steps.append(1))
+
+    def taken(**how) -> int:
+        steps.clear()
+        assert np.abs(graph.heights(rises, **how) - direct).max() < 1e-3  # of heights of 2
+        return len(steps)
+
+    whole = taken()
+    near = direct + 1e-6 * np.random.default_rng(0).normal(size=direct.shape)
+    assert taken(residual=1e-5) < 0.6 * whole
+    assert taken(start=near) < 0.7 * whole
 
 
 def test_what_iteration_cannot_solve_in_time_is_factored(monkeypatch):

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from irtscots_cl.maths.zernike import polynomials as zk
+from irtscots_cl.maths.zernike.evaluation import evaluate_series
 from irtscots_cl.maths.zernike.fit import zernike_fit
 from irtscots_cl.maths.zernike.indices import (
     ORDERINGS,
@@ -22,7 +23,7 @@ from irtscots_cl.maths.zernike.indices import (
     noll_to_nm,
     osa_to_nm,
 )
-from irtscots_cl.maths.zernike.series import PowerRows, evaluate_series, power_rows, radial_series
+from irtscots_cl.maths.zernike.series import PowerRows, power_rows, radial_series
 
 # (n, m) in order of the index, typed from Noll (1976) table I, Wyant & Creath (1992) and ANSI Z80.28.
 LITERATURE = {
@@ -301,6 +302,20 @@ def test_series_twin_for_any_set_of_terms(coefficients):
     got = evaluate_series(series, x, y)
     np.testing.assert_allclose(got[0], expected[0], rtol=0, atol=2e-12)  # 12 terms of up to 5, 12^2 ulp each
     np.testing.assert_allclose(got[1:], expected[1:], rtol=0, atol=3e-10)  # 12^2 times more
+
+
+@pytest.mark.parametrize(("order", "limit"), [(20, 1e-11), (28, 1e-10)])  # the steepest rows lose two, three digits
+def test_all_terms_of_a_high_order_are_evaluated_to_rounding(order, limit):
+    x, y = disk_points(200)
+    count = (order + 1) * (order + 2) // 2
+    coefficients = np.random.default_rng(1).normal(size=count)
+    series = radial_series({noll_to_nm(j): c for j, c in enumerate(coefficients, 1)})
+    expected = np.zeros((3, 200))
+    for j, c in enumerate(coefficients, 1):
+        expected += c * np.array([zk.zernike(j, x, y), *zk.zernike_gradient(j, x, y)])
+    got = evaluate_series(series, x, y)
+    size = np.abs(expected).max(axis=1)
+    np.testing.assert_array_less(np.abs(got - expected).max(axis=1), limit * size)
 
 
 def test_an_empty_series_is_zero():

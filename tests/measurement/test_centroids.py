@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from irtscots_cl.imaging.image_stack import Scan
-from irtscots_cl.measurement.centroids import centroids, poisson_error
+from irtscots_cl.measurement.centroids import centroids, jackknife_centroids, poisson_error
 
 A, D = 0.5, 0.2  # the paper's aperture radius and line width [mm]
 
@@ -54,6 +56,27 @@ def test_known_centroids(curve, first_line, expected):
         expected,
         abs=1e-15,  # rounding of numbers near 1
     )
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.2])
+@pytest.mark.parametrize("change", [0.0, -1e-3])  # below 0: such samples do not count
+def test_replicates_left_out_by_their_moments_are_those_left_out_of_the_curves(threshold, change):
+    scan = scan_of(chord_curves([0.0, 0.3, -0.21, 0.1]))
+    random = np.random.default_rng(0)
+    flux = scan.flux_w * random.uniform(0.5, 1.5, (3, 4, 21))
+    flux[:, 2] = 0.0  # a dark pixel
+    flux[1:, 3] = 0.0  # one whose light is in one replicate alone
+    flux[0, 0, 0] = change
+    scan = dataclasses.replace(scan, flux_w=flux, weights=np.array([1.0, 3.0, 0.7]))
+    found = jackknife_centroids(scan, threshold)
+    np.testing.assert_allclose(found, centroids(scan, scan.jackknife_w(), threshold), rtol=0, atol=1e-14)
+    assert np.isnan(found[:, 2]).all()
+    assert np.isnan(found[:, 3]).tolist() == [False, True, False, False]
+
+
+def test_one_replicate_has_no_others():
+    scan = scan_of(chord_curves([0.1]))
+    assert jackknife_centroids(scan).tolist() == [centroids(scan, scan.mean_w()).tolist()]
 
 
 def test_a_curve_far_from_the_screen_s_middle_keeps_its_precision():

@@ -9,9 +9,9 @@ import pytest
 from synthetic import noise_free_stack, small_scene, with_replicates
 
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
-from irtscots_cl.maths.integration import integrate_slopes
+from irtscots_cl.maths.integration import integrate_slopes, node_graph
 from irtscots_cl.maths.low_order import remove_terms, rms
-from irtscots_cl.measurement import reconstruction
+from irtscots_cl.measurement import surface_heights
 from irtscots_cl.measurement.light_curves import Flag
 from irtscots_cl.measurement.reconstruction import reconstruct
 from irtscots_cl.optics.chief_rays import ChiefRays
@@ -106,7 +106,7 @@ def test_two_rounds_of_height_are_needed_and_enough(deviated, monkeypatch):
     scene, stack, result = deviated
     found = {}
     for rounds in (1, 3):
-        monkeypatch.setattr(reconstruction, "HEIGHT_ROUNDS", rounds)
+        monkeypatch.setattr(surface_heights, "HEIGHT_ROUNDS", rounds)
         found[rounds] = reconstruct(stack, scene.nominal()).deviation_mm
     assert np.nanmax(np.abs(found[3] - result.deviation_mm)) < 0.01 * NM  # as HEIGHT_ROUNDS says
     assert np.nanmax(np.abs(found[1] - result.deviation_mm)) > 1 * NM  # Eq. 3 contains the height
@@ -289,6 +289,21 @@ def test_the_jackknife_s_height_error_is_the_scatter_of_repeated_measurements(de
         stated.append(rms(noisy.height_standard_error_mm(), result.mask) ** 2)
     # one run's rms scatters by 8 %, the stated one by 4 %: 4 sigma of the ratio of six, chance 6e-5
     assert np.sqrt(np.mean(stated) / np.mean(actual)) == pytest.approx(1, abs=4 * np.hypot(0.08, 0.04) / np.sqrt(6))
+
+
+@pytest.mark.parametrize("method", ["southwell", "cubic"])
+def test_maps_by_iteration_one_by_one_are_those_of_the_factor(deviated, method, monkeypatch):
+    scene, stack, _ = deviated
+    stack = with_replicates(stack, 4, 0.01)
+    direct = reconstruct(stack, scene.nominal(), method=method)
+    monkeypatch.setattr(node_graph, "_DIRECT_NODES", 0)
+    monkeypatch.setattr(surface_heights, "MANY_VALUES", 1)
+    found = reconstruct(stack, scene.nominal(), method=method)
+    np.testing.assert_allclose(found.deviation_mm, direct.deviation_mm, rtol=0, atol=1e-5 * NM)
+    error = direct.height_standard_error_mm()
+    np.testing.assert_allclose(
+        found.height_standard_error_mm(), error, rtol=1e-4
+    )  # residuals of 1e-7, smooth parts more
 
 
 def test_replicates_of_one_measurement_have_its_result(deviated):

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from irtscots_cl.maths.integration.islands import NOISE_NODES, Islands, apart, joined, with_pistons
 from irtscots_cl.maths.integration.misfit import slope_noise
 from irtscots_cl.maths.integration.modal import modal_heights
-from irtscots_cl.maths.integration.node_graph import node_graph
+from irtscots_cl.maths.integration.node_graph import RESIDUAL, node_graph
 from irtscots_cl.maths.integration.zonal_rules import cubic_rises, southwell_rises, spline_rises
 
 _RISES = {"southwell": southwell_rises, "cubic": cubic_rises, "spline": spline_rises}
@@ -60,11 +60,15 @@ def integrate(
     mask: ArrayLike,
     method: str = "southwell",
     join: bool | Islands = True,
+    *,
+    start: NDArray[np.float64] | None = None,
+    residual: float = RESIDUAL,
 ) -> Integration:
     """As `integrate_slopes`, with what became of the mask's islands.
 
-    Which islands are joined follows from the first map; the others are joined in the same way. Raises ValueError as
-    `integrate_slopes` does, and for islands of another mask.
+    Which islands are joined follows from the first map; the others are joined in the same way. start: heights [...,
+    rows, columns] in mm near the result, and residual: of the least squares, for masks so large that they are solved by
+    iteration. Raises ValueError as `integrate_slopes` does, and for islands of another mask.
     """
     if method not in METHODS:
         raise ValueError(f"unknown integration method {method!r}; allowed: {', '.join(METHODS)}")
@@ -73,12 +77,15 @@ def integrate(
     lead = np.shape(slope_x)[:-2]
     p, q = graph.values("slope_x", slope_x, lead), graph.values("slope_y", slope_y, lead)
 
-    def solve(p: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(
+        p: NDArray[np.float64], q: NDArray[np.float64], near: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
         if method in _RISES:
-            return graph.heights(_RISES[method](graph, x, y, p, q))
+            return graph.heights(_RISES[method](graph, x, y, p, q), near, residual)
         return modal_heights(graph, x, y, p, q)
 
-    nodes = solve(p, q)
+    near = None if start is None else np.nan_to_num(start[..., graph.mask]).reshape(-1, x.size)
+    nodes = solve(p, q, near)
     if isinstance(join, Islands):
         if not np.array_equal(join.mask, graph.mask):
             raise ValueError("join: the islands are those of another mask")

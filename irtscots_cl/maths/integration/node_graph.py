@@ -32,7 +32,7 @@ _CACHED_MASKS = 8
 _DIRECT_NODES = 50_000
 # A disk needs 20 steps; two halves joined by one node need 130. Masks that need more have many holes and factor well.
 _STEPS = 300
-_RESIDUAL = 1e-13  # heights to 1e-13 of their range; the factor's solution has 1e-12 on 2e5 nodes
+RESIDUAL = 1e-13  # heights to 1e-13 of their range; the factor's solution has 1e-12 on 2e5 nodes
 
 
 def node_graph(mask: ArrayLike) -> NodeGraph:
@@ -82,10 +82,15 @@ class NodeGraph:
             raise ValueError(f"{name} is not finite at {bad} of {inside.size} points inside the mask")
         return inside
 
-    def heights(self, rises: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Heights [maps, nodes] that best fit ``rises`` [maps, pairs], in their unit; every island's mean is 0."""
+    def heights(
+        self, rises: NDArray[np.float64], start: NDArray[np.float64] | None = None, residual: float = RESIDUAL
+    ) -> NDArray[np.float64]:
+        """Heights [maps, nodes] that best fit ``rises`` [maps, pairs], in their unit; every island's mean is 0.
+
+        start: heights [maps, nodes] near them, and residual, relative: where they are found by iteration.
+        """
         sources = (self._difference.T @ rises.T).T
-        nodes = None if self.islands.size <= _DIRECT_NODES else self._iterated(sources)
+        nodes = None if self.islands.size <= _DIRECT_NODES else self._iterated(sources, start, residual)
         return self.without_piston(self._solved(sources) if nodes is None else nodes)
 
     def without_piston(self, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -128,7 +133,9 @@ class NodeGraph:
         options = {"SymmetricMode": True}
         return free, splu(laplacian, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
-    def _iterated(self, sources: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    def _iterated(
+        self, sources: NDArray[np.float64], start: NDArray[np.float64] | None, residual: float
+    ) -> NDArray[np.float64] | None:
         """As `_solved`, by conjugate gradients, in little memory; None if that takes too many steps.
 
         The preconditioner solves the Laplacian of the whole rectangle around the mask, which the cosine transform
@@ -136,10 +143,10 @@ class NodeGraph:
         """
         count, precondition = self.islands.size, _rectangle_solver(self.mask)
         operator = LinearOperator((count, count), matvec=precondition, dtype=np.float64)
-        nodes = np.empty_like(sources)
+        nodes = np.zeros_like(sources) if start is None else np.array(start)
         for k, source in enumerate(sources):
             nodes[k], failed = cg(
-                self._laplacian, source, rtol=_RESIDUAL, maxiter=_STEPS, M=operator, callback=_between_steps
+                self._laplacian, source, nodes[k], rtol=residual, maxiter=_STEPS, M=operator, callback=_between_steps
             )
             if failed:
                 return None

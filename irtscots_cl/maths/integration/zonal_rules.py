@@ -17,6 +17,7 @@ nodes instead of two in a rise; L. Huang et al., Opt. Lasers Eng. 91, 221 (2017)
 from __future__ import annotations
 
 from collections import defaultdict
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ _STENCIL = 4  # nodes of a cubic
 
 Values = NDArray[np.float64]
 Numbers = NDArray[np.intp]
+_Weighted = list[tuple[Numbers, Numbers, Values, Values]]
+_LAST: WeakKeyDictionary[NodeGraph, tuple[Values, Values, _Weighted]] = WeakKeyDictionary()
 
 
 def southwell_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -> Values:
@@ -47,10 +50,8 @@ def cubic_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) ->
 
     Chains of three nodes use parabolas, chains of two straight lines. Raises ValueError if neighbours coincide.
     """
-    _distances(graph, x, y)
     rises = np.zeros((len(p), graph.pairs.shape[1]))
-    for pairs, nodes, place in _stencils(graph):
-        weight_x, weight_y = _stencil_weights(x[nodes], y[nodes], place)
+    for pairs, nodes, weight_x, weight_y in _weighted(graph, x, y):
         for k, node in enumerate(nodes.T):
             interruption.check()
             rises[:, pairs] += p[:, node] * weight_x[:, k] + q[:, node] * weight_y[:, k]
@@ -103,6 +104,18 @@ def _stencils(graph: NodeGraph) -> list[tuple[Numbers, Numbers, Numbers]]:
         (np.concatenate(pairs), np.concatenate(nodes), np.concatenate(place))
         for pairs, nodes, place in (zip(*of_size, strict=True) for of_size in parts.values())
     ]
+
+
+def _weighted(graph: NodeGraph, x: Values, y: Values) -> _Weighted:
+    """As _stencils, with the weights of p and of q [pairs, size]: made once for all maps over the same nodes."""
+    last = _LAST.get(graph)
+    if last is None or not (np.array_equal(last[0], x) and np.array_equal(last[1], y)):
+        _distances(graph, x, y)
+        weighted = [
+            (pairs, nodes, *_stencil_weights(x[nodes], y[nodes], place)) for pairs, nodes, place in _stencils(graph)
+        ]
+        last = _LAST[graph] = (x, y, weighted)
+    return last[2]
 
 
 def _stencil_weights(x: Values, y: Values, place: Numbers) -> tuple[Values, Values]:

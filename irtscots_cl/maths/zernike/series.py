@@ -1,24 +1,17 @@
-"""Sums of Zernike terms as tables for the kernels, and their float64 evaluation on the host."""
+"""Sums of Zernike terms as tables for the kernels. evaluation.py evaluates them on the host."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.maths.zernike.annular import annular_rim_value, annular_step
 from irtscots_cl.maths.zernike.indices import checked_nm
-from irtscots_cl.maths.zernike.polynomials import broadcast_points, normalisation, recurrence
-from irtscots_cl.system import interruption
-
-# A sample computed as (cos a, sin a) may lie a few ulp outside the disk. It still counts as a sample on the rim.
-MOST_LOSS = 100.0  # of PowerRows with which two of a float64's sixteen digits are lost
-_AT_ONCE = 2**13  # points evaluated at a time: a dozen arrays of them stay in the cache
+from irtscots_cl.maths.zernike.polynomials import normalisation, recurrence
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,95 +140,3 @@ def power_rows(series: RadialSeries) -> PowerRows:
     counts = np.array([len(powers) for powers in rows.values()], np.int32)
     coefficients = [powers[::-1] for powers in rows.values()]
     return PowerRows(orders, sines, counts, np.concatenate([np.zeros(0), *coefficients]), loss)
-
-
-def evaluate_series(
-    series: RadialSeries, x: ArrayLike, y: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """W, dW/dx and dW/dy of a `RadialSeries` at unit-disk coordinates, in float64.
-
-    Each result has the broadcast shape of ``x`` and ``y``; the slopes are per unit-disk coordinate.
-    """
-    x, y = broadcast_points(x, y)
-    result = np.empty((3, x.size))
-    flat_x, flat_y = x.ravel(), y.ravel()
-    powers = _powers_of(series)
-    for first in range(0, x.size, _AT_ONCE):
-        interruption.check()
-        part = slice(first, first + _AT_ONCE)
-        if powers.loss <= MOST_LOSS:
-            _add_powers(powers, flat_x[part], flat_y[part], *result[:, part])
-        else:
-            result[:, part] = _evaluate(series, flat_x[part], flat_y[part])
-    return tuple(result.reshape(3, *x.shape))
-
-
-@lru_cache(64)
-def _powers_of(series: RadialSeries) -> PowerRows:
-    return power_rows(series)
-
-
-def _add_powers(
-    rows: PowerRows, x: FloatArray, y: FloatArray, value: FloatArray, by_x: FloatArray, by_y: FloatArray
-) -> None:
-    """Set value and slopes [n] to those of the rows at points x, y [n]: Horner's rule, twice as fast as _evaluate."""
-    t = 2.0 * (x * x + y * y) - 1.0
-    real, imaginary, before = np.ones_like(t), np.zeros_like(t), (np.zeros_like(t), np.zeros_like(t))
-    value[:] = by_x[:] = by_y[:] = 0.0
-    stretching, reached, first = np.zeros_like(t), 0, 0
-    for order, sine, count in zip(rows.order.tolist(), rows.sine.tolist(), rows.count.tolist(), strict=True):
-        for _ in range(reached, order):
-            before = real, imaginary
-            real, imaginary = real * x - imaginary * y, real * y + imaginary * x
-        reached = order
-        radial, slope = np.full_like(t, rows.coefficient[first]), np.zeros_like(t)
-        for coefficient in rows.coefficient[first + 1 : first + count].tolist():
-            slope *= t
-            slope += radial
-            radial *= t
-            radial += coefficient
-        first += count
-        wave = imaginary if sine else real
-        value += radial * wave
-        slope *= wave
-        stretching += slope
-        if order:
-            radial *= order
-            along, across = (before[1], before[0]) if sine else (before[0], -before[1])
-            by_x += radial * along
-            by_y += radial * across
-    stretching *= 4.0
-    by_x += stretching * x
-    by_y += stretching * y
-
-
-def _evaluate(series: RadialSeries, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-    zeta = x + 1j * y
-    value, slope_x, slope_y = np.zeros((3, *x.shape))
-    lower, power, reached = np.zeros_like(zeta), np.ones_like(zeta), 0
-    for row, m in enumerate(series.m.tolist()):
-        if m > reached:
-            lower = power * zeta ** (m - 1 - reached)
-            power, reached = lower * zeta, m
-        radial, radial_slope = _clenshaw(series, row, 2.0 * (x * x + y * y) - 1.0)
-        turning = m * np.conj(radial) * lower
-        stretching = 4.0 * (np.conj(radial_slope) * power).real
-        value = value + (np.conj(radial) * power).real
-        slope_x = slope_x + turning.real + x * stretching
-        slope_y = slope_y - turning.imag + y * stretching
-    return value, slope_x, slope_y
-
-
-def _clenshaw(
-    series: RadialSeries, row: int, t: NDArray[np.float64]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """a_m(t) and da_m/dt of one row, cosine part + i sine part."""
-    first, count = int(series.offset[row]), int(series.count[row])
-    last = first + count - 1
-    b1 = np.full(t.shape, series.cosine[last] + 1j * series.sine[last])
-    b2, d1, d2 = np.zeros((3, *t.shape), dtype=np.complex128)
-    for k in range(last - 1, first - 1, -1):
-        line = series.alpha[k] * t + series.beta[k]
-        d1, d2 = series.alpha[k] * b1 + line * d1 + series.gamma[k + 1] * d2, d1
-        b1, b2 = series.cosine[k] + 1j * series.sine[k] + line * b1 + series.gamma[k + 1] * b2, b1
-    return b1, d1

@@ -28,6 +28,7 @@ MAX_BEND = 0.02  # of the same radius: beyond it the first order in Q is wrong b
 MAX_PUSH = 0.02  # of a pixel: largest shift of the rim over the aperture, to first order
 MAX_DIAGONAL = 1.0  # of a pixel on the mirror, in radii of a rim or hole that crosses it in one direction
 CELL_SIZE = 0.2  # of the aperture image's radius: half the largest size of a box's own image
+COUNTS = np.array([1, 2, 3, 4, 6, 8, 12, 16])  # of cells along a pixel
 POINT_STEP = 0.015  # of the same radius, between Gauss points on the rim
 CHUNK = 2**12  # cells processed at a time: their data stays in the cache
 ROUNDING = 1e-12  # of a pixel: rounding error of a difference that should be zero
@@ -60,24 +61,51 @@ class PixelResponse:
         return self._cells[output]
 
     def _cut(self, output: str) -> PixelQuadrature:
-        maps, surface = self.maps, self.chief.surface
-        box = [np.abs(maps.term(output, name)) / self.spread(output, ("a", "b")) for name in "st"]
-        box = [float(np.percentile(b[np.isfinite(b)], 99)) for b in box]
-        count = [int(np.clip(np.ceil(b / CELL_SIZE), 1, 16)) for b in box]
-        points = [int(np.clip(np.ceil(b / POINT_STEP), 8, 64)) for b in box]
+        """Cells of every pixel, of as many as its own light needs."""
+        box = self._design_boxes["uv".index(output)]
+        counts = np.stack([COUNTS[np.searchsorted(COUNTS[:-1], np.ceil(b / CELL_SIZE))] for b in box])
+        kinds, kind = np.unique(counts, axis=1, return_inverse=True)
+        parts = []
+        for k, count in enumerate(kinds.T.tolist()):
+            chosen = kind.ravel() == k
+            points = [int(np.clip(np.ceil(b[chosen].max() / POINT_STEP), 8, 64)) for b in box]
+            cut = self._cut_by_rim if self.chief.surface.outline is None else self._cut_by_outline
+            parts.append(cut(chosen, count, points))
+        return join(parts) if len(parts) > 1 else parts[0]
 
-        if surface.outline is not None:
-            return self._cut_by_outline(count, points)
+    @cached_property
+    def _design_boxes(self) -> np.ndarray:
+        """Sizes [2, 2, n] of the pixels' own images along u and v, for s and t, in radii of the aperture's image.
+
+        Of the design, so that a mirror and the models of it have the same cells, and what these leave cancels between
+        them. 0 where the design sends no light.
+        """
+        chief, step = ChiefRays(self.chief.scene.nominal()), np.array([[0.5], [-0.5]])
+        radius, none = chief.scene.camera.aperture_diameter_mm / 2, np.zeros((2, 1))
+        moves = [(none, step, none, none), (step, none, none, none)]
+        moves += [(none, none, 2 * step, none), (none, none, none, 2 * step)]
+        found = []
+        for row, column, a, b in moves:
+            places = chief.reverse(self.maps.row + row, self.maps.column + column, a * radius, b * radius)[1:]
+            found.append([np.abs(place[0] - place[1]) for place in places])
+        by_s, by_t, by_a, by_b = np.array(found)  # [2, n] each, in mm
+        with np.errstate(invalid="ignore", divide="ignore"):
+            boxes = np.stack([by_s, by_t], 1) / np.hypot(by_a, by_b)[:, None]
+        return np.where(np.isfinite(boxes), boxes, 0.0)
+
+    def _cut_by_rim(self, chosen: np.ndarray, count: list[int], points: list[int]) -> PixelQuadrature:
+        """Cells of the chosen pixels [n] of a mirror that is a disk or a ring."""
+        maps, surface = self.maps, self.chief.surface
         farthest = maps.corner_radius.max(1)
         in_hole = farthest <= surface.obscuration_radius_mm
         rim, hole = (self._crossed(radius) for radius in (surface.aperture_radius_mm, surface.obscuration_radius_mm))
         whole = (farthest <= surface.aperture_radius_mm) & ~in_hole
         cells = join([
-            whole_cells(np.flatnonzero(whole), *count),
-            cut_cells(maps, np.flatnonzero(rim & ~in_hole), Circle(surface.aperture_radius_mm), count, points),
+            whole_cells(np.flatnonzero(whole & chosen), *count),
+            cut_cells(maps, np.flatnonzero(rim & ~in_hole & chosen), Circle(surface.aperture_radius_mm), count, points),
         ])  # fmt: skip
         return without(
-            cells, cut_cells(maps, np.flatnonzero(hole), Circle(surface.obscuration_radius_mm), count, points)
+            cells, cut_cells(maps, np.flatnonzero(hole & chosen), Circle(surface.obscuration_radius_mm), count, points)
         )
 
     @cached_property
@@ -87,12 +115,13 @@ class PixelResponse:
 
         return Crossed.of(self.chief.surface, self.maps)
 
-    def _cut_by_outline(self, count: list[int], points: list[int]) -> PixelQuadrature:
-        """Cells of a mirror with an outline; none of the pixels in which several edges lie."""
+    def _cut_by_outline(self, chosen: np.ndarray, count: list[int], points: list[int]) -> PixelQuadrature:
+        """Cells of the chosen pixels [n] of a mirror with an outline; none of those in which several edges lie."""
         crossed, maps = self._crossed_edges, self.maps
-        around = [(edge, pixels) for edge, hole, pixels in crossed.edges if hole]
-        whole = [np.flatnonzero(crossed.whole), *(pixels for _, pixels in around)]
-        inside = [cut_cells(maps, pixels, edge, count, points) for edge, hole, pixels in crossed.edges if not hole]
+        edges = [(edge, hole, pixels[chosen[pixels]]) for edge, hole, pixels in crossed.edges]
+        around = [(edge, pixels) for edge, hole, pixels in edges if hole]
+        whole = [np.flatnonzero(crossed.whole & chosen), *(pixels for _, pixels in around)]
+        inside = [cut_cells(maps, pixels, edge, count, points) for edge, hole, pixels in edges if not hole]
         cells = join([whole_cells(np.concatenate(whole), *count), *inside])
         for edge, pixels in around:
             cells = without(cells, cut_cells(maps, pixels, edge, count, points))
@@ -186,9 +215,11 @@ class PixelResponse:
                 + np.abs(maps.term(output, 2 * along)) * length**2
                 for along, length in (("s", cells.half_s), ("t", cells.half_t))
             )
-            centre = maps.centre(output, cells.s, cells.t)
-            np.minimum.at(low, cells.pixel, centre - half)
-            np.maximum.at(high, cells.pixel, centre + half)
+            centre, first = maps.centre(output, cells.s, cells.t), np.flatnonzero(np.diff(cells.pixel, prepend=-1))
+            if first.size:
+                pixel = cells.pixel[first]
+                low[pixel] = np.minimum(low[pixel], np.minimum.reduceat(centre - half, first))
+                high[pixel] = np.maximum(high[pixel], np.maximum.reduceat(centre + half, first))
         with np.errstate(invalid="ignore"):
             return (low + high) / 2, (high - low) / 2 + 1.01 * self.spread(output, ("a", "b"))
 
@@ -232,7 +263,9 @@ class PixelResponse:
         cells = self.cells(output)
         below = np.zeros(edges_mm.shape)
         for part in cells.in_chunks(CHUNK):
-            np.add.at(below, part.pixel, self._below(output, part, edges_mm[part.pixel]))
+            first = np.flatnonzero(np.diff(part.pixel, prepend=-1))  # cells come pixel by pixel
+            if first.size:
+                below[part.pixel[first]] += np.add.reduceat(self._below(output, part, edges_mm[part.pixel]), first)
         return np.diff(below, axis=1)
 
     def _below(self, output: str, cells: PixelQuadrature, edges_mm: np.ndarray) -> np.ndarray:
