@@ -1,5 +1,6 @@
 """The program: `python -m irtscots_cl` is the command `irtscots`."""
 
+import os
 import sys
 
 
@@ -8,6 +9,8 @@ def main() -> int:
     from irtscots_cl.system import interruption
 
     interruption.handle()
+    # OpenBLAS reads it when NumPy is imported. Its threads otherwise spin for some 30 ms after each product.
+    os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")  # 2^4 cycles, the least: then they sleep
     from irtscots_cl.cli import main  # after it: this import takes most of the time before a command begins
 
     return main()

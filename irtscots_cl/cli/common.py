@@ -56,6 +56,15 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="preset name (see `irtscots scenes`) or path of a TOML file")
 
 
+def add_no_figures(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--no-figures",
+        dest="figures",
+        action="store_false",
+        help="write no pictures; those of an earlier run in the folder are deleted",
+    )
+
+
 def add_usable_samples(parser: argparse.ArgumentParser, choices: bool = False) -> None:
     """Which samples of a laboratory's images may be used. choices: whether --mask takes "auto" and "design", too."""
     parser.add_argument(

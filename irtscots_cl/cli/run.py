@@ -17,6 +17,7 @@ from irtscots_cl.cli.common import (
     LAB_MEASURE,
     PATH_CHOICES,
     add_measure,
+    add_no_figures,
     add_noise,
     add_overfill,
     add_path_choices,
@@ -51,6 +52,7 @@ def add(commands) -> None:
     )
     add_scene(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME")
+    add_no_figures(parser)
     add_export(parser)
     add_trace_choices(parser, DEVICES_HELP)
     parser.add_argument("--dask", metavar="ADDRESS", help=DASK_HELP)
@@ -126,7 +128,7 @@ def _execute(options: argparse.Namespace) -> int:
             run = _reach(setup, options, given)
         started = seconds_of_process() - (time.perf_counter() - run.began)
         with Progress("storing", options.quiet, "light curves") as progress:
-            write_run(run, folder, started, progress)
+            write_run(run, folder, started, progress, draw=options.figures)
         keeper.remove()
     exported = export(folder, targets)
     from irtscots_cl.report.tables import cautions, summary_tables

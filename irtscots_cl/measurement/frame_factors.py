@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.measurement.curve_fit import CurveFits, SampleNoise
@@ -93,7 +93,7 @@ def frame_gains(x: ScanFit, y: ScanFit) -> FrameGains:
     chance = 1.0
     if lit.any():
         spread = covariance[np.ix_(lit, lit)] + MODEL_ERROR**2 * np.eye(int(lit.sum()))
-        chance = float(chi2.sf(change[lit] @ np.linalg.solve(spread, change[lit]), int(lit.sum())))
+        chance = float(chdtrc(int(lit.sum()), change[lit] @ np.linalg.solve(spread, change[lit])))
     of_x, of_y = np.split(np.clip(1 + change, *LIMITS), [x.lines])
     error_x, error_y = np.split(deviation, [x.lines])
     return FrameGains(of_x, of_y, error_x, error_y, chance)

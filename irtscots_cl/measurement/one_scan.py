@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from irtscots_cl.imaging.image_stack import Scan
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
@@ -32,6 +32,7 @@ DARK = 1e-3  # of a typical peak: light outside the windows that is none, in ima
 STRAY_SIGMAS = 6.0  # light outside a window that noise makes once in 1e9 curves
 BINS = 4  # per line, of distances from the centroid
 BIN_SAMPLES = 50  # least number for a mean
+MEDIAN_OF_SQUARE = float(2 * gammaincinv(0.5, 0.5))  # of a normal number; scipy.stats is slow to import
 DETECTED = 5.0  # standard errors of a curve's light: less is none
 
 
@@ -131,7 +132,7 @@ class OneScan:
         z2 = np.where((self.noise.floor > 0) & (windows.outside[0] > 3), z2, np.nan)
         z2 = z2[np.isfinite(z2)]
         # slopes that are noise have squares of mean 1; a common slope shows in all
-        self.tilted = bool(z2.size) and float(np.median(z2)) > chi2.median(1) * (1 + 8 / np.sqrt(z2.size))
+        self.tilted = bool(z2.size) and float(np.median(z2)) > MEDIAN_OF_SQUARE * (1 + 8 / np.sqrt(z2.size))
         if self.tilted:
             self.noise = SampleNoise(dark_noise(windows, True), 0.0)
         return self._centroids(windows)[0]

@@ -8,7 +8,7 @@ latter hold errors of the model too, so that a wrong model makes the stated erro
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri, gammaincinv  # of chi-squared; scipy.stats is slow to import
 
 from irtscots_cl.maths.arrays import FloatArray, IntArray
 from irtscots_cl.measurement.curve_fit import CurveFits, SampleNoise
@@ -34,9 +34,9 @@ def dark_noise(windows: CurveWindows, tilted: bool) -> FloatArray:
     # rounding of the sums: y2 and y * y / count are equal in noise-free images
     squares = np.where(squares > 1e-12 * y2, squares, 0.0)
     own = squares / np.maximum(freedom, 1)
-    of_median = freedom[known] / chi2.median(freedom[known])
+    of_median = freedom[known] / (2 * gammaincinv(freedom[known] / 2, 0.5))
     common = float(np.median(own[known] * of_median))
-    limit = chi2.isf(OWN_NOISE, np.maximum(freedom, 1)) / np.maximum(freedom, 1)
+    limit = chdtri(np.maximum(freedom, 1), OWN_NOISE) / np.maximum(freedom, 1)
     return np.where(known & (own > limit * common) & (common > 0), own, common)
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
-from scipy import ndimage
 
 from irtscots_cl.maths.bicubic import BicubicSpline
 from irtscots_cl.optics.chief_rays import ChiefRays
@@ -34,6 +33,8 @@ class PixelMap:
     @classmethod
     def of(cls, design: ChiefRays, height_mm: np.ndarray) -> PixelMap:
         """A map through the finite values of height_mm [rows, columns]; beyond them the nearest one counts."""
+        from scipy import ndimage  # imported late: few surfaces have a map
+
         _, nearest = ndimage.distance_transform_edt(~np.isfinite(height_mm), return_indices=True)
         return cls(design, ndimage.spline_filter(height_mm[tuple(nearest)], order=3, mode="mirror"))
 
@@ -57,6 +58,8 @@ class PixelMap:
         return self.design.pixel(x_mm, y_mm)
 
     def _at(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+        from scipy import ndimage
+
         place = np.nan_to_num(np.stack([row, column]))
         return ndimage.map_coordinates(self.coefficients, place, order=3, mode="nearest", prefilter=False)
 

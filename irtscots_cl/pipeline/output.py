@@ -15,16 +15,22 @@ from irtscots_cl.system import interruption
 from irtscots_cl.system.atomic_files import check_output_folder, write_json
 from irtscots_cl.system.versions import versions
 
+FIGURES = ("images.png", "light_curve.png", "slopes.png", "height.png", "error_parts.png")  # of a run
 
-def write_run(run: Run, folder: Path, started: float = 0.0, progress: Callable[[int, int], None] | None = None) -> None:
+
+def write_run(
+    run: Run,
+    folder: Path,
+    started: float = 0.0,
+    progress: Callable[[int, int], None] | None = None,
+    draw: bool = True,
+) -> None:
     """Write report.json, result.h5, report.html and figures/*.png; the folder is made if it is not there.
 
     report.json comes last: where it is, the others are complete. The seconds of the report get those of the files.
     started: seconds of the command before the simulation. progress(done, total): of result.h5, with numbers of light
-    curves.
+    curves. draw: false for no figures; an earlier run's are deleted.
     """
-    # matplotlib is slow to import: only where figures are made
-    from irtscots_cl.report.figures import write_figures
     from irtscots_cl.report.page.page import write_page
 
     report, toml = run.report, run.transport.scene.to_toml()
@@ -44,13 +50,30 @@ def write_run(run: Run, folder: Path, started: float = 0.0, progress: Callable[[
         attributes |= version_attributes()
         write_result(folder / "result.h5", run.stack, run.result, attributes, run.bars, progress)
         stored = time.perf_counter()
-        write_figures(folder / "figures", run.stack, run.result, run.comparison, run.parts)
+        if draw:
+            _draw(run, folder / "figures")
+        else:
+            _delete_figures(folder / "figures")
         drawn = time.perf_counter()
         report["seconds"] = with_parts(report["seconds"], start=started, store=stored - began, figures=drawn - stored)
-        write_page(folder / "report.html", report, run.stack, run.result, run.comparison, run.parts, run.bars)
+        write_page(folder / "report.html", report, run.stack, run.result, run.comparison, run.parts, run.bars, draw)
         written = report["seconds"].get("report", 0.0) + time.perf_counter() - drawn
         report["seconds"] = with_parts(report["seconds"], report=written)
         write_json(folder / "report.json", report)
+
+
+def _draw(run: Run, folder: Path) -> None:
+    from irtscots_cl.report.figures import write_figures  # matplotlib is slow to import: only where figures are made
+
+    write_figures(folder, run.stack, run.result, run.comparison, run.parts)
+
+
+def _delete_figures(folder: Path) -> None:
+    """Delete an earlier run's figures, and the folder if it is then empty."""
+    for name in FIGURES:
+        (folder / name).unlink(missing_ok=True)
+    if not any(folder.iterdir()):
+        folder.rmdir()
 
 
 @contextmanager

@@ -7,11 +7,7 @@ from dataclasses import dataclass
 
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.optics.setup import Setup
-from irtscots_cl.planning.cost import check_cost
-from irtscots_cl.planning.exposure import check_exposure
 from irtscots_cl.planning.finding import LEVELS, Finding
-from irtscots_cl.planning.fringes import check_fringes
-from irtscots_cl.planning.heights import expected_heights
 from irtscots_cl.planning.light import check_light
 from irtscots_cl.planning.mistakes import find_mistakes
 from irtscots_cl.planning.obstruction import check_obstruction
@@ -58,13 +54,21 @@ def check_scene(
     sight = Sight.of(scene)
     found = look(sight, detail_mm)
     if sight.measured > 0:
+        from irtscots_cl.planning.exposure import check_exposure  # imported late: `look`, of each run, wants none
+
         setup = Setup(scene)
         found += check_exposure(setup.nominal)
         if periods:
+            from irtscots_cl.planning.fringes import check_fringes
+
             found += check_fringes(setup.nominal, periods, steps)
         if heights:
+            from irtscots_cl.planning.heights import expected_heights
+
             found += expected_heights(setup)
         if device is not None:
+            from irtscots_cl.planning.cost import check_cost
+
             found += check_cost(setup, device, rays_per_pixel, replicates)
     return SceneCheck(sight, tuple(sorted(found, key=lambda one: LEVELS.index(one.level))))
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.patheffects import withStroke
 
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 WORDS = "seen from the camera"
 SIZE = 6.5  # of the letters, in points
@@ -16,7 +18,6 @@ LENGTH = 26  # of the arrow, in points
 FROM = (0.03, 0.03)  # the corner that a round mirror leaves free, in parts of the axes
 MISPLACED = 0.01  # of a map's width: a camera that looks at a slant sees equal steps in mm as unequal ones
 UPRIGHT = 0.999  # cosine of the angle between the mirror's x and the detector's columns: 2.6 degrees
-_OUTLINE = [withStroke(linewidth=2, foreground="white")]  # readable on bright and dark maps
 
 
 def mark_x(axes: Axes, towards: tuple[float, float] = (1.0, 0.0)) -> None:
@@ -24,6 +25,9 @@ def mark_x(axes: Axes, towards: tuple[float, float] = (1.0, 0.0)) -> None:
 
     towards: direction of +x on the page (right, up); of any length.
     """
+    from matplotlib.patheffects import withStroke  # imported late: the page wants directions alone
+
+    outline = [withStroke(linewidth=2, foreground="white")]  # readable on bright and dark maps
     way = np.array(towards, float) / np.hypot(*towards)
     half, label = LENGTH / 2 * way, (LENGTH / 2 + SIZE) * way
     # as near to the corner as tail and label allow, whatever the direction
@@ -31,14 +35,14 @@ def mark_x(axes: Axes, towards: tuple[float, float] = (1.0, 0.0)) -> None:
     arrow = axes.annotate(
         "", xy=middle + half, xytext=middle - half, xycoords="axes points", textcoords="axes points",
         arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0,
-                    "path_effects": _OUTLINE},
+                    "path_effects": outline},
     )  # fmt: skip
     arrow.set_gid("fiducial")
     axes.annotate(
-        "+x", middle + label, xycoords="axes points", ha="center", va="center", fontsize=SIZE, path_effects=_OUTLINE
+        "+x", middle + label, xycoords="axes points", ha="center", va="center", fontsize=SIZE, path_effects=outline
     )
     axes.text(1 - FROM[0], FROM[1], WORDS, transform=axes.transAxes, ha="right", va="bottom", fontsize=SIZE,
-              path_effects=_OUTLINE)  # fmt: skip
+              path_effects=outline)  # fmt: skip
 
 
 def x_direction(x_mm: FloatArray, y_mm: FloatArray) -> tuple[float, float]:

@@ -52,13 +52,36 @@ def write_figures(
     return list(figures)
 
 
+def _panels(rows: int, columns: int, width: float, height: float, bars: bool = True, title_lines: int = 1) -> Figure:
+    """A figure of panels of that size in inches, with room for labels, titles and, with bars, for colour bars.
+
+    The room is the same for all figures: finding it from the texts, by layout="tight", would lay out all of them twice.
+    """
+    figure = Figure(figsize=(width * columns, height * rows))
+    left, bottom, top = 0.8, 0.55, 0.2 + 0.19 * title_lines
+    right = 0.7 if bars else 0.15
+    figure.subplots(
+        rows,
+        columns,
+        gridspec_kw={
+            "left": left / (width * columns),
+            "right": 1 - right / (width * columns),
+            "bottom": bottom / (height * rows),
+            "top": 1 - top / (height * rows),
+            "wspace": (left + right) / (width - left - right),
+            "hspace": (bottom + top) / (height - bottom - top),
+        },
+    )
+    return figure
+
+
 def image_figure(stack: ImageStack, towards_x: tuple[float, float] = (1.0, 0.0)) -> Figure:
     """Camera images under a line at a third and one in the middle of the lines with light of each scan.
 
     towards_x: direction (column, row) of the mirror's +x.
     """
-    figure = Figure(figsize=(10, 8.5), layout="tight")
-    for row, scan in zip(figure.subplots(2, 2), (stack.x, stack.y), strict=True):
+    figure = _panels(2, 2, 5, 4.25)
+    for row, scan in zip((figure.axes[:2], figure.axes[2:4]), (stack.x, stack.y), strict=True):
         count = len(scan.positions_mm)
         lit = _lit_lines(scan)
         for axes, line in zip(row, (lit[len(lit) // 3], lit[len(lit) // 2]), strict=True):
@@ -69,7 +92,7 @@ def image_figure(stack: ImageStack, towards_x: tuple[float, float] = (1.0, 0.0))
                 ylabel="detector row",
             )
             mark_x(axes, towards_x)
-            figure.colorbar(picture, ax=axes, label=f"flux [{scan.unit}]")
+            figure.colorbar(picture, ax=axes, fraction=0.06, pad=0.04, label=f"flux [{scan.unit}]")
     return figure
 
 
@@ -88,10 +111,10 @@ def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
     shape = result.mask.shape
     middle = np.argmin((rows - (shape[0] - 1) / 2) ** 2 + (columns - (shape[1] - 1) / 2) ** 2)
     row, column = rows[middle], columns[middle]
-    figure = Figure(figsize=(10, 4.2), layout="tight")
+    figure = _panels(1, 2, 5, 4.2, bars=False)
     diameter = result.nominal.camera.aperture_diameter_mm
     for axes, scan, centroid in zip(
-        figure.subplots(1, 2), (stack.x, stack.y), (result.centroid_x_mm, result.centroid_y_mm), strict=True
+        figure.axes, (stack.x, stack.y), (result.centroid_x_mm, result.centroid_y_mm), strict=True
     ):
         n = np.flatnonzero(scan.pixels == row * shape[1] + column)[0]
         curve, error = scan.mean_w()[n], scan.standard_error_w()[n]
@@ -135,8 +158,8 @@ def draw_chord(axes: Axes, scan: Scan, position: FloatArray, curve: FloatArray, 
 
 def slope_figure(result: Reconstruction) -> Figure:
     """Measured slopes in both directions."""
-    figure = Figure(figsize=(10, 4.2), layout="tight")
-    for axes, slope, axis in zip(figure.subplots(1, 2), (result.slope_x, result.slope_y), "xy", strict=True):
+    figure = _panels(1, 2, 5, 4.2)
+    for axes, slope, axis in zip(tuple(figure.axes), (result.slope_x, result.slope_y), "xy", strict=True):
         _map(figure, axes, result, slope * 1e3, f"slope {axis}", "mrad", "viridis")
     return figure
 
@@ -144,8 +167,8 @@ def slope_figure(result: Reconstruction) -> Figure:
 def height_figure(result: Reconstruction, comparison: Comparison | None) -> Figure:
     """Height, deviation from the design and, if the truth is known, the error of the deviation."""
     count = 2 if comparison is None else 3
-    figure = Figure(figsize=(5 * count, 4.2), layout="tight")
-    axes = figure.subplots(1, count)
+    figure = _panels(1, count, 5, 4.2)
+    axes = tuple(figure.axes)
     _map(figure, axes[0], result, result.height_mm, "height", "mm", "viridis")
     deviation = result.levelled(result.deviation_mm) * 1e6
     _map(figure, axes[1], result, deviation, "deviation, piston and tilt removed", "nm", "RdBu_r")
@@ -158,8 +181,8 @@ def parts_figure(result: Reconstruction, parts: tuple[ErrorTerm, ...]) -> Figure
     """A map for each term of the height error, each with its own scale."""
     columns = min(4, len(parts))
     rows = -(-len(parts) // columns)
-    figure = Figure(figsize=(4.6 * columns, 4.0 * rows), layout="tight")
-    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    figure = _panels(rows, columns, 4.6, 4.0, title_lines=2)
+    grid = tuple(figure.axes)
     for axes, part in zip(grid, parts, strict=False):
         name = f"{part.name}:\n{part.height_nm:.2g} nm rms"
         _map(figure, axes, result, part.height_mm * 1e6, name, "nm", "RdBu_r")
@@ -185,4 +208,4 @@ def _map(
     axes.set(title=title, xlabel=frame.x_label, ylabel=frame.y_label)
     mark_x(axes, frame.towards)
     draw_edge(axes, result, frame)
-    figure.colorbar(picture, ax=axes, label=unit)
+    figure.colorbar(picture, ax=axes, fraction=0.06, pad=0.04, label=unit)

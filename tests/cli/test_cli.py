@@ -240,6 +240,17 @@ def analytic(irtscots, here):
     return call
 
 
+def test_no_figures_leaves_none_not_even_of_an_earlier_run(analytic, here):
+    analytic()
+    (here / "out/figures/mine.png").write_bytes(b"")
+    analytic("--no-figures")
+    assert everything_in(here / "out") == ["figures/mine.png", *(name for name in FILES if "figures" not in name)]
+    (here / "out/figures/mine.png").unlink()
+    analytic("--no-figures")
+    assert not (here / "out/figures").exists()
+    assert "figures/" not in (here / "out/report.html").read_text()
+
+
 def test_the_analytic_estimator_needs_no_device(irtscots, analytic, here, monkeypatch):
     monkeypatch.setenv("IRTSCOTS_DEVICE", "nonsense")
     report = analytic()

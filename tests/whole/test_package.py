@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from loaded_modules import loaded_modules
+from synthetic import small_scene
 
 import irtscots_cl as irt
 
@@ -66,3 +67,31 @@ def test_loading_a_scene_needs_no_numpy():
     loaded = loaded_modules("import irtscots_cl as irt; irt.load_scene('sphere')")
     assert "pydantic" in loaded
     assert not {"numpy", "scipy", "pyopencl", "matplotlib", "h5py"} & loaded
+
+
+def test_help_needs_no_numpy():
+    ending = "\ntry: main(['run', '--help'])\nexcept SystemExit: pass\nimport irtscots_cl"
+    loaded = loaded_modules(f"from irtscots_cl.cli import main{ending}")
+    assert "irtscots_cl.cli" in loaded
+    assert not {"numpy", "scipy", "pyopencl", "matplotlib", "h5py", "rich"} & loaded
+
+
+@pytest.mark.parametrize("drawn", [False, True])
+def test_a_run_loads_no_slow_package_that_it_does_not_use(tmp_path, drawn):
+    (tmp_path / "small.toml").write_text(small_scene("sphere-deviated", 17).to_toml())
+    more = ["run", str(tmp_path / "small.toml"), "--estimator", "analytic", "--out", str(tmp_path / "out")]
+    more += [] if drawn else ["--no-figures"]
+    loaded = loaded_modules(f"from irtscots_cl.cli import main; assert main({more}) == 0")
+    assert {"numpy", "scipy.sparse.linalg", "h5py"} <= loaded
+    assert ("matplotlib" in loaded, "PIL" in loaded) == (drawn, drawn)
+    slow = {
+        "scipy.stats",
+        "scipy.interpolate",
+        "scipy.optimize",
+        "scipy.spatial",
+        "scipy.fft",
+        "skimage",
+        "distributed",
+    }
+    slow |= {"dask", "pandas", "astropy", "tifffile", "yaml", "mpmath"}
+    assert not slow & loaded

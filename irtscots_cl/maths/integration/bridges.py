@@ -11,14 +11,16 @@ Source: D. Levin, Math. Comp. 67, 1517 (1998), for least-squares weights with po
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
 from irtscots_cl.maths.integration.node_graph import NodeGraph
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 NEAR = 12  # nodes next to each end of a link
 _DETOUR = 2.0  # links longer than this times the longest step of a way round over shorter links are left out
@@ -69,6 +71,8 @@ def links(graph: NodeGraph, x: Values, y: Values) -> Numbers:
 
 def _direct(pairs: Numbers, length: Values, islands: Numbers) -> NDArray[np.bool_]:
     """Which links are not much longer than the steps of a way over other islands between the same two."""
+    from scipy.sparse.csgraph import connected_components
+
     kept = np.ones(length.size, dtype=bool)
     first, second = islands[pairs]
     count = int(islands.max()) + 1
@@ -84,6 +88,8 @@ def _direct(pairs: Numbers, length: Values, islands: Numbers) -> NDArray[np.bool
 
 def rises(graph: NodeGraph, x: Values, y: Values, pairs: Numbers, open_slab: bool = False) -> Rises:
     """The rises of ``pairs`` [2, links]. open_slab: use no node between the two ends, as if a gap were there."""
+    from scipy.spatial import KDTree  # imported late: few masks have gaps
+
     tree = KDTree(np.stack([x, y], axis=1))
     blocks = [
         _block(tree, x, y, pairs[:, start : start + _BLOCK], open_slab) for start in range(0, pairs.shape[1], _BLOCK)

@@ -25,8 +25,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
 
 from irtscots_cl.maths.integration.bridges import Rises, links, rises, trapezoids
 from irtscots_cl.maths.integration.node_graph import NodeGraph, node_graph
@@ -142,6 +140,8 @@ class _Joint:
 
     @cached_property
     def _factor(self):  # type: ignore[no-untyped-def]  # SuperLU has no type
+        from scipy.sparse.linalg import splu
+
         laplacian = (self._difference.T @ self._difference).tocsc()[:, self._free].tocsr()[self._free].tocsc()
         return splu(laplacian, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
@@ -248,6 +248,8 @@ def _decided(
 
 def _kept(joint: _Joint, use: NDArray[np.bool_], sizes: Numbers) -> _Joint:
     """The pairs to use, and the groups of islands that they join."""
+    from scipy.sparse.csgraph import connected_components
+
     which = np.flatnonzero(use)
     first, second = joint.first[which], joint.second[which]
     graph = sparse.coo_array((np.ones(which.size), (first, second)), shape=(sizes.size, sizes.size))

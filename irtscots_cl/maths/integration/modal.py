@@ -12,7 +12,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr_multiply
 
 from irtscots_cl.maths.integration.node_graph import NodeGraph
 from irtscots_cl.maths.zernike.polynomials import zernike, zernike_gradient
@@ -93,6 +92,8 @@ def _triangles(
     Returns R of their slopes and of their heights without the mean, [count, count], and the slopes p, q [maps, nodes]
     times Q, [maps, count]. Leading blocks of R are those of fewer terms.
     """
+    from scipy.linalg import qr_multiply
+
     slopes, heights, projected = np.empty((0, count)), np.empty((0, 1 + count)), np.empty((len(p), 0))
     for start in range(0, u.size, _BLOCK):
         part = slice(start, start + _BLOCK)

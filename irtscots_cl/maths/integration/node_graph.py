@@ -15,16 +15,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
-from scipy.fft import dctn, idctn, next_fast_len
-from scipy.sparse.linalg import LinearOperator, SuperLU, cg, splu
-from skimage.measure import label
 
 from irtscots_cl.maths.low_order import checked_mask
 from irtscots_cl.system import interruption
+
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import SuperLU
 
 # A run uses one mask, a tolerance study a few. The factor of 10^4 nodes takes about 6 MB.
 _CACHED_MASKS = 8
@@ -61,8 +62,10 @@ class NodeGraph:
     @classmethod
     def from_mask(cls, mask: ArrayLike) -> NodeGraph:
         """Build for a boolean mask [rows, columns]; ValueError as `node_graph`."""
+        from scipy.ndimage import label  # imported late, as all of scipy's parts: each is slow to import
+
         mask = checked_mask(mask).copy()
-        islands = label(mask, connectivity=1)[mask].astype(np.intp) - 1
+        islands = label(mask)[0][mask].astype(np.intp) - 1
         chains = _chains(mask)
         empty = np.empty(0, dtype=np.intp)
         first, second = ([chain[part] for chain in chains] for part in (slice(-1), slice(1, None)))
@@ -127,6 +130,8 @@ class NodeGraph:
         The first node of each island is fixed at 0, so the Laplacian of the others is positive definite. Ordering
         A^T + A without pivoting gives a factor with half as many entries as the default.
         """
+        from scipy.sparse.linalg import splu
+
         pinned = np.unique(self.islands, return_index=True)[1]
         free = np.setdiff1d(np.arange(self.islands.size), pinned)
         laplacian = self._laplacian[:, free].tocsr()[free].tocsc()
@@ -141,6 +146,8 @@ class NodeGraph:
         The preconditioner solves the Laplacian of the whole rectangle around the mask, which the cosine transform
         diagonalises.
         """
+        from scipy.sparse.linalg import LinearOperator, cg
+
         count, precondition = self.islands.size, _rectangle_solver(self.mask)
         operator = LinearOperator((count, count), matvec=precondition, dtype=np.float64)
         nodes = np.zeros_like(sources) if start is None else np.array(start)
@@ -175,6 +182,8 @@ def _between_steps(_: NDArray[np.float64]) -> None:
 
 def _rectangle_solver(mask: NDArray[np.bool_]) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     """Inverse of the Laplacian of a full rectangle that holds the mask, from and to the mask's nodes [nodes]."""
+    from scipy.fft import dctn, idctn, next_fast_len
+
     row, column = (index - index.min() for index in np.nonzero(mask))
     shape = tuple(next_fast_len(int(index.max()) + 1, real=True) for index in (row, column))
     across, down = (2.0 - 2.0 * np.cos(np.pi * np.arange(length) / length) for length in shape)

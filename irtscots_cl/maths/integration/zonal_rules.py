@@ -21,7 +21,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from irtscots_cl.maths.integration.node_graph import NodeGraph
 from irtscots_cl.system import interruption
@@ -63,6 +62,8 @@ def spline_rises(graph: NodeGraph, x: Values, y: Values, p: Values, q: Values) -
 
     Chains of three nodes use parabolas, chains of two straight lines. Raises ValueError if neighbours coincide.
     """
+    from scipy.interpolate import CubicSpline  # imported late: it is slow, and one method wants it
+
     distance = _distances(graph, x, y)
     rises, start = np.empty((len(p), distance.size)), 0
     for chain in graph.chains:

@@ -35,8 +35,9 @@ def write_page(
     comparison: Comparison,
     parts: tuple[ErrorTerm, ...] = (),
     bars: ErrorBars | None = None,
+    draw: bool = True,
 ) -> None:
-    """Write report.html of a simulated run."""
+    """Write report.html of a simulated run. draw: false to leave out the drawing of the set-up, a picture."""
     predicted = report["predicted"]
     split = [
         ("ray noise (simulation)", predicted["height_ray_noise_nm_rms"], math.nan),
@@ -64,7 +65,8 @@ def write_page(
         "facts": [("device", f"{report['device']['name']} ({report['device']['driver']})"),
                   *((f"version of {name}", value) for name, value in report["versions"].items())],
         "toml": result.nominal.to_toml(),
-    }, {"maps": map_data(result, bars, comparison, parts), "curves": curve_data(stack)}, result)  # fmt: skip
+    }, {"maps": map_data(result, bars, comparison, parts), "curves": curve_data(stack)},
+        _setup_picture(result) if draw else "")  # fmt: skip
 
 
 def write_measured_page(
@@ -89,7 +91,8 @@ def write_measured_page(
         "command": "", "cautions": cautions(facts), "checks": facts["checks"], "tables": measurement_tables(facts),
         "drawings": drawings, "facts": [], "toml": result.nominal.to_toml(),
         "pictures": [(picture.stem.replace("_", " "), _text_of(picture.read_bytes())) for picture in pictures],
-    }, {"maps": map_data(result, bars, None, ()), "curves": stack and curve_data(stack)}, result)  # fmt: skip
+    }, {"maps": map_data(result, bars, None, ()), "curves": stack and curve_data(stack)},
+        _setup_picture(result))  # fmt: skip
 
 
 def _largest(terms: list[tuple[str, Any, float, float]]) -> list[tuple[str, Any, float, float]]:
@@ -99,7 +102,7 @@ def _largest(terms: list[tuple[str, Any, float, float]]) -> list[tuple[str, Any,
     return [term for term in terms if term in kept]
 
 
-def _write(path: Path, words: dict[str, Any], data: dict[str, Any], result: Reconstruction) -> None:
+def _write(path: Path, words: dict[str, Any], data: dict[str, Any], setup: str) -> None:
     import jinja2
 
     folder = files("irtscots_cl.report") / "templates"
@@ -110,7 +113,7 @@ def _write(path: Path, words: dict[str, Any], data: dict[str, Any], result: Reco
     failed = [check for check in words["checks"] if check["level"] != "ok"]
     write_text(path, page.render(
         **words, failed=failed, passed=len(words["checks"]) - len(failed), data=text, css=read["report.css"],
-        js=read["report.js"], setup=_setup_picture(result),
+        js=read["report.js"], setup=setup,
     ))  # fmt: skip
 
 
