@@ -240,7 +240,7 @@ class ChiefRays:
 
     @cached_property
     def clear_of_edges(self) -> np.ndarray:
-        """Pixels [rows, columns] whose light stays away from all edges of the mirror, through any point of the aperture.
+        """Pixels [rows, columns] no part of whose light, through any point of the aperture, comes near an edge.
 
         False where that is not known.
         """
