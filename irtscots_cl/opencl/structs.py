@@ -12,6 +12,7 @@ import numpy as np
 
 PRECISIONS = {"fp32": np.float32, "fp64": np.float64}
 WEIGHT_ONE = 2**24  # fixed-point scale of an adjoint ray's weight: the resolution of single precision
+LINE_WEIGHT_ONE = 2**20  # of a smoothed ray's: rounds as often up as down, and leaves room for a block's 32-bit sums
 
 
 class Fate(IntEnum):
@@ -121,8 +122,12 @@ def chord_dtype(real) -> np.dtype:
 
 
 def line_receiver_dtype(real, distorted: bool = False, bent: bool = False) -> np.dtype:
-    """A Receiver and its chords along the screen's x and y, as the smoothed adjoint estimator's source."""
-    return np.dtype([("start", receiver_dtype(real, distorted, bent)), ("chords", chord_dtype(real), 2)], align=True)
+    """A Receiver and its chords along the screen's x and y, as the smoothed adjoint estimator's source.
+
+    start: its weight_scale gives LINE_WEIGHT_ONE at the pixel's centre. cut: whether the mirror's edges may cut chords.
+    """
+    fields = [("start", receiver_dtype(real, distorted, bent)), ("chords", chord_dtype(real), 2), ("cut", np.int32)]
+    return np.dtype(fields, align=True)
 
 
 def lens_dtype(real) -> np.dtype:

@@ -238,6 +238,15 @@ class ChiefRays:
         seen[edge] = self._touched(*np.nonzero(edge), margin)
         return seen
 
+    @cached_property
+    def clear_of_edges(self) -> np.ndarray:
+        """Pixels [rows, columns] no part of whose light, through any point of the aperture, comes near an edge.
+
+        False where that is not known.
+        """
+        room = 2 * max(self.rims.blur_mm, self._sampled_blur_mm) + self._corner_distance / SUBPIXELS
+        return self._parted(-room)[0]
+
     def _touched(self, row, column, margin_mm: float) -> np.ndarray:
         """Whether any of SUBPIXELS^2 rays of pixels (row, column) [n] meets the mirror widened by a margin."""
         step_row, step_column = _steps(SUBPIXELS)

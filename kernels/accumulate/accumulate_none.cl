@@ -8,4 +8,5 @@ INLINE void hits_end(Hits *hits) {}
 
 INLINE void light_begin(Light *light) { light->tile[0] = 0; }
 INLINE void light_add(Light *light, int bin, long amount) { light->tile[0] += bin + amount; }
+INLINE void light_differences(Light *light, int lines, int first) {}
 INLINE void light_end(Light *light) {}

@@ -23,6 +23,20 @@ INLINE void light_begin(Light *light) {
 
 INLINE void light_add(Light *light, int bin, long amount) { light->tile[bin] += (ulong)amount; }
 
+// Bins from `first` on, that hold sums up to the ends of `lines` lines, turned into second differences: of the light of
+// line k and k - 1 in bin k, which is no light before the first line and after the last.
+INLINE void light_differences(Light *light, int lines, int first) {
+    __local ulong *sums = light->tile + first;
+    ulong below = 0, before = 0;   // the light below the line, and that of the line before
+    for (int line = 0; line < lines; ++line) {
+        const ulong own = sums[line] - below;
+        below = sums[line];
+        sums[line] = own - before;
+        before = own;
+    }
+    sums[lines] = 0 - before;
+}
+
 INLINE void light_end(Light *light) {
     for (int bin = 0; bin < light->bins; ++bin)
         if (light->tile[bin] != 0) light_store(light, bin, light->tile[bin]);

@@ -36,12 +36,14 @@ INLINE wordv word_index(void) { return *(__constant wordv *)lane_numbers; }
 #define STACK_BLOCKS 8   // capacity of the ray stack in blocks (ray_stack_list.cl)
 
 // Correctly rounded square root: one hardware instruction per register. Where the compiler has no builtin for vectors it
-// joins the lanes' roots itself (LLVM 14); where it has one it may leave them apart (Intel's).
+// joins the lanes' roots itself (LLVM 14), of several registers only in an unrolled loop: else they go through memory.
+// Where it has one it may leave them apart (Intel's).
 #if __has_builtin(__builtin_elementwise_sqrt)
 INLINE realv real_sqrt(realv x) { return __builtin_elementwise_sqrt(x); }
 #else
 INLINE realv real_sqrt(realv x) {
     realv root;
+    #pragma unroll
     for (int i = 0; i < WIDTH; ++i) ((real *)&root)[i] = real_sqrt_scalar(((real *)&x)[i]);
     return root;
 }

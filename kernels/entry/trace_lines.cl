@@ -7,8 +7,7 @@
 // instead of the point leaves every mean unchanged.
 #include "work_item.cl"
 #include "path_adjoint.cl"
-#include "chord.cl"
-#include "accumulate_*.cl"
+#include "ramps_*.cl"
 
 // A block of rays between its passes. trace_forward.cl says why the passes are short.
 typedef struct {
@@ -20,10 +19,12 @@ typedef struct {
     Ramp ramps[2][BLOCK_VECTORS];         // along x, along y
 } Block;
 
-// Traces vector v of a block from the mirror to the screen: sets its ramps and fates.
-INLINE void lines_arrive(Block *block, __constant Scene *scene, const Launch *launch, const LineReceiver *receiver,
-                         int v) {
+// Traces vector v of a block of count rays from the mirror to the screen: sets its ramps and fates. cut: whether the
+// mirror's edges may cut the receiver's chords. Returns which rays are not simply detected.
+INLINE maskv lines_arrive(Block *block, __constant Scene *scene, const Launch *launch, const LineReceiver *receiver,
+                          int v, int count, bool cut) {
     const Meeting *met = &block->meetings[v];
+    const maskv traced = to_mask(as_intv(lane_index()) + v * WIDTH < count);
     realv a, b, at_u, at_v;
     adjoint_aperture(scene, &block->words, v, &a, &b);
     const maskv ahead = adjoint_arrive(scene, &receiver->start, &block->lines[v], met, &at_u, &at_v);
@@ -33,38 +34,36 @@ INLINE void lines_arrive(Block *block, __constant Scene *scene, const Launch *la
     const maskv column_on = ahead & (x >= -receiver->start.column)
                             & (x < launch->screen_columns - receiver->start.column);
     const realv weight = block->weight[v] * receiver->start.weight_scale;
-    maskv beyond = chord_ramp(scene, &receiver->chords[0], met, a, b, x, row_on ? weight : (realv)(0),
-                              receiver->start.column, launch->window_columns, launch->screen_columns,
+    maskv beyond = chord_ramp(scene, &receiver->chords[0], met, a, b, x, row_on & traced ? weight : (realv)(0),
+                              receiver->start.column, launch->window_columns, launch->screen_columns, cut,
                               &block->ramps[0][v]);
-    beyond |= chord_ramp(scene, &receiver->chords[1], met, a, b, y, column_on ? weight : (realv)(0),
-                         receiver->start.row, launch->window_rows, launch->screen_rows, &block->ramps[1][v]);
+    beyond |= chord_ramp(scene, &receiver->chords[1], met, a, b, y, column_on & traced ? weight : (realv)(0),
+                         receiver->start.row, launch->window_rows, launch->screen_rows, cut, &block->ramps[1][v]);
     maskv fate = row_on & column_on ? (maskv)(FATE_DETECTED) : (maskv)(FATE_OFF_SCREEN);
     fate = at_u != at_u ? (maskv)(FATE_FAILED) : fate;
     fate = met->on_mirror ? fate : (maskv)(FATE_MISSED_MIRROR);
-    block->fate[v] = to_int(beyond ? (maskv)(FATE_OFF_WINDOW) : fate);
+    fate = beyond ? (maskv)(FATE_OFF_WINDOW) : fate;
+    block->fate[v] = to_int(fate);
+    return fate != FATE_DETECTED;
 }
 
-// First passes, branch-free.
-INLINE void block_trace(Block *block, __constant Scene *scene, __global const real *tables, const Launch *launch,
-                        const LineReceiver *receiver, Sampler *sampler, ulong first) {
+// First passes, branch-free, for a block of count rays. Returns false if all of them are detected.
+INLINE bool block_trace(Block *block, __constant Scene *scene, __global const real *tables, const Launch *launch,
+                        const LineReceiver *receiver, Sampler *sampler, ulong first, int count) {
+    const int vectors = (count + WIDTH - 1) / WIDTH;
+    maskv others = 0;
     sampler_block(sampler, first, &block->words);
-    for (int v = 0; v < BLOCK_VECTORS; ++v)
+    for (int v = 0; v < vectors; ++v)
         block->lines[v] = adjoint_emit(scene, &receiver->start, &block->words, v, &block->weight[v]);
-    for (int v = 0; v < BLOCK_VECTORS; ++v) block->meetings[v] = mirror_meet(scene, tables, &block->lines[v]);
-    for (int v = 0; v < BLOCK_VECTORS; ++v) mirror_deviate(scene, tables, &block->lines[v], &block->meetings[v]);
-    for (int v = 0; v < BLOCK_VECTORS; ++v) lines_arrive(block, scene, launch, receiver, v);
-}
-
-// Adds ray j's two ramps to the bins of its light curve, which begin at bin first.
-INLINE void ramp_add(Light *light, const Ramp *ramps, int j, int first) {
-    const int v = j / WIDTH, lane = j % WIDTH;
-    for (int end = 0; end < 2; ++end) {
-        const int bin = first + ((const int *)&ramps[v].bin[end])[lane];
-        const int upper = ((const int *)&ramps[v].upper[end])[lane];
-        const int lower = ((const int *)&ramps[v].slope)[lane] - upper;
-        light_add(light, bin, end == 0 ? lower : -lower);
-        light_add(light, bin + 1, end == 0 ? upper : -upper);
-    }
+    for (int v = 0; v < vectors; ++v) block->meetings[v] = mirror_meet(scene, tables, &block->lines[v]);
+    for (int v = 0; v < vectors; ++v) mirror_deviate(scene, tables, &block->lines[v], &block->meetings[v]);
+    if (receiver->cut)
+        for (int v = 0; v < vectors; ++v)
+            others |= lines_arrive(block, scene, launch, receiver, v, count, true);
+    else
+        for (int v = 0; v < vectors; ++v)
+            others |= lines_arrive(block, scene, launch, receiver, v, count, false);
+    return mask_word(others) != 0;
 }
 
 // Parameters: tables: of the mirror, where a file of its kind reads any; receivers [visible pixels]; transport: 64-bit
@@ -86,14 +85,16 @@ __kernel void trace_lines(__constant Scene *scene, const Launch launch, __global
 
     light_begin(&light);
     for (ulong first = item.begin; first < item.end; first += BLOCK) {
-        const int count = (int)min(item.end - first, (ulong)(BLOCK));
-        block_trace(&block, scene, tables, &launch, &receiver, &sampler, first);
-        for (int j = 0; j < count; ++j) {
+        const int count = (int)min(item.end - first, (ulong)(BLOCK)), vectors = (count + WIDTH - 1) / WIDTH;
+        const bool others = block_trace(&block, scene, tables, &launch, &receiver, &sampler, first, count);
+        ramps_add(&light, block.ramps[0], vectors, launch.window_columns, 0);
+        ramps_add(&light, block.ramps[1], vectors, launch.window_rows, of_x);
+        for (int j = 0; others && j < count; ++j) {
             const int fate = ((int *)block.fate)[j];
-            ramp_add(&light, block.ramps[0], j, 0);
-            ramp_add(&light, block.ramps[1], j, of_x);
             if (fate != FATE_DETECTED) light_add(&light, bins + fate, 1);
         }
     }
+    ramps_end(&light, launch.window_columns, 0);
+    ramps_end(&light, launch.window_rows, of_x);
     light_end(&light);
 }

@@ -401,6 +401,24 @@ def test_coverage_is_that_of_counted_chief_rays(name):
     assert ((found > 0.1) & (found < 0.9)).sum() > 150  # and many pixels are cut
 
 
+@pytest.mark.parametrize("name", ["sphere-deviated", "off-axis", "holed", "narrow"])
+def test_no_ray_of_a_clear_pixel_comes_near_an_edge(name):
+    setup = setup_of(scene_of(name))
+    chief, response = setup.chief_rays, setup.pixel_response
+    clear, coverage = chief.clear_of_edges.ravel()[response.pixels], response.coverage()
+    assert 0.5 < clear.mean() < 1 and (coverage[clear] > 1 - 1e-9).all()
+    row, column = np.divmod(response.pixels[clear], chief.shape[1])
+    radius = chief.scene.camera.aperture_diameter_mm / 2
+    random = np.random.default_rng(4)
+    for _ in range(20):
+        s, t = random.choice([-0.5, 0.5], size=(2, len(row)))  # the corners' rays go farthest
+        turn = random.uniform(0, 2 * np.pi, len(row))
+        points, _, _ = chief.reverse(row + t, column + s, radius * np.cos(turn), radius * np.sin(turn))
+        from_axis = np.hypot(points[..., 0], points[..., 1])
+        assert (from_axis < chief.surface.aperture_radius_mm).all()
+        assert (from_axis > chief.surface.obscuration_radius_mm).all() or chief.surface.obscuration_radius_mm == 0
+
+
 def test_no_light_comes_from_the_hole():
     places = [(62, 62), (62, 72), (62, 80)]  # in the hole, on its edge, on the mirror
     light, whole = light_of("holed", *places), light_of("sphere", *places)

@@ -20,7 +20,7 @@ from tracers import setup_of, totals, tracer_of
 
 from irtscots_cl.imaging.patterns import LineScan
 from irtscots_cl.measurement.centroids import centroids
-from irtscots_cl.opencl.structs import PRECISIONS, WEIGHT_ONE, chord_dtype
+from irtscots_cl.opencl.structs import LINE_WEIGHT_ONE, PRECISIONS, WEIGHT_ONE, chord_dtype
 from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.screen_windows import place_windows
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
@@ -320,10 +320,50 @@ def test_light_does_not_depend_on_the_accumulation(whole_run, device, monkeypatc
         pytest.skip("this device accumulates by atomics only")
     options, run = whole_run
     scene = options["scene"]
-    assert "accumulate_tile.cl" in tracer_of(scene, device, run.options, rays=1250).program.source.files
+
+    def files(rays):
+        return tracer_of(scene, device, run.options, rays=rays).program.source.files
+
+    assert {"accumulate_tile.cl", "ramps_edges.cl"} <= set(files(1)) and "ramps_edges.cl" in files(1250)
+    monkeypatch.setattr(module, "MAX_EDGES", 0)
+    assert {"accumulate_tile.cl", "ramps_steps.cl"} <= set(files(1250))
+    by_ends = trace(**options)
+    assert by_ends.ledger == run.ledger
+    for axis in "xy":  # single precision of places of up to 20 lines over a chord of 5, from which most cancels
+        moved = np.abs(by_ends.flux_w[axis] - run.flux_w[axis]).sum() / run.flux_w[axis].sum()
+        assert 0 < moved < 2e-5
     monkeypatch.setattr(module, "MAX_TILE_BYTES", 0)
-    assert "accumulate_atomic.cl" in tracer_of(scene, device, run.options, rays=1250).program.source.files
-    same(trace(**options), run)
+    assert {"accumulate_atomic.cl", "ramps_steps.cl"} <= set(files(1250))
+    same(trace(**options), by_ends)
+
+
+def test_light_does_not_depend_on_looking_for_edges_where_none_are(whole_run, monkeypatch):
+    options, run = whole_run
+    setup = setup_of(options["scene"])
+    clear = setup.chief_rays.clear_of_edges
+    assert 0.3 < clear.ravel()[run.windows.pixels].mean() < 1
+    monkeypatch.setattr(ChiefRays, "clear_of_edges", np.zeros(clear.shape, bool))
+    looked = trace(**options)
+    assert looked.ledger == run.ledger
+    for axis in "xy":
+        moved = np.abs(looked.flux_w[axis] - run.flux_w[axis]).sum() / run.flux_w[axis].sum()
+        assert 0 < moved < 2e-5  # as above
+    monkeypatch.setattr(ChiefRays, "clear_of_edges", np.ones(clear.shape, bool))
+    blind = trace(**options)
+    lost = np.abs(blind.flux_w["x"] - run.flux_w["x"]).sum() / run.flux_w["x"].sum()
+    assert lost > 1e-3  # of the pixels on the rim
+
+
+@pytest.mark.parametrize("rays", [1, 7, 8, 9, 255, 257])
+def test_lanes_without_a_ray_add_nothing(device, rays):
+    scene = coarse(load_scene("sphere-deviated"))
+    tracer = tracer_of(scene, device, TraceOptions(smoothing=True))
+    counts, fates = totals(tracer, np.array([rays]))
+    assert fates.sum() == rays * tracer.sources
+    flux = line_flux(counts, tracer.task.windows, np.ones((1, 1)), np.array([rays]))
+    full = setup_of(scene).chief_rays.clear_of_edges.ravel()[tracer.task.windows.pixels]
+    for axis in "xy":  # light of a ray: cos^4 relative to the pixel's centre; a mean of few rays scatters by 1e-3 of it
+        np.testing.assert_allclose(flux[axis][0, full].sum(-1), LINE_WEIGHT_ONE, rtol=5e-3)
 
 
 def test_same_seed_same_bits_and_another_seed_others(whole_run):
@@ -497,8 +537,8 @@ def random_chords(real, lanes: int, screen=(900, 1000)) -> Chords:
     return Chords(chord, np.array(values).astype(real), start, lines, count)
 
 
-def chord_kernel(device, folder, precision, width) -> SmallKernel:
-    """Kernel chord_alone: the ramps of one chord's lanes per work-item."""
+def chord_kernel(device, folder, precision, width, cut) -> SmallKernel:
+    """Kernel chord_alone: the ramps of one chord's lanes per work-item. cut: whether edges of the mirror cut chords."""
     body = """    const int item = get_global_id(0), n = get_global_size(0);
     realv in[6];
     for (int i = 0; i < 6; ++i)
@@ -507,9 +547,10 @@ def chord_kernel(device, folder, precision, width) -> SmallKernel:
     Meeting met;
     met.point = (vec3v){in[4], in[5], in[4] * 0};
     const Chord chord = chords[item];
-    Ramp ramp;
+    Ramp whole;
     const intv beyond = to_int(chord_ramp(scene, &chord, &met, in[0], in[1], in[2], in[3], limits[3 * item],
-                                          limits[3 * item + 1], limits[3 * item + 2], &ramp));
+                                          limits[3 * item + 1], limits[3 * item + 2], CUT, &whole));
+    const Steps ramp = ramp_steps(&whole, limits[3 * item + 1]);
     for (int lane = 0; lane < WIDTH; ++lane) {
         __global int *o = out + 6 * (item * WIDTH + lane);
         for (int end = 0; end < 2; ++end) {
@@ -521,16 +562,17 @@ def chord_kernel(device, folder, precision, width) -> SmallKernel:
     }"""
     signature = "__constant Scene *scene, __global const Chord *chords, __global const real *rays, "
     signature += "__global const int *limits, __global int *out"
-    entry = kernel_text(folder / "chord_alone.cl", ["chord.cl"], signature, body)
+    body = body.replace("CUT", "true" if cut else "false")
+    entry = kernel_text(folder / "chord_alone.cl", ["ramp_ends.cl"], signature, body)
     mirror = {"diameter_mm": 2 * RIM, "obscuration_mm": 2 * HOLE}
     scene = small_set_up("chords", mirror=mirror, camera={"aperture_diameter_mm": 2 * RADIUS})
     return SmallKernel(device, entry, precision, scene, width)
 
 
-def ramps_on(device, folder, precision, width, made: Chords) -> tuple[np.ndarray, np.ndarray]:
+def ramps_on(device, folder, precision, width, made: Chords, cut=True) -> tuple[np.ndarray, np.ndarray]:
     """Light [n, lanes, lines] of the window's lines, summed up from the ramps' second differences as whole numbers, and
     `beyond` [n, lanes]."""
-    kernel = chord_kernel(device, folder, precision, width)
+    kernel = chord_kernel(device, folder, precision, width, cut)
     limits = np.stack([made.start, made.lines, made.screen], -1).astype(np.int32)
     out = np.zeros((CHORDS, width, 6), np.int32)
     (out,) = kernel.run((CHORDS, 1), [made.chord, made.rays, limits], [out])
@@ -597,6 +639,19 @@ def test_ramps_are_the_chords_light(device, tmp_path, precision, kind):
     # the sums' steps, 2 x 1/20000; in single precision a rim that a chord just touches: its radius^2 is off by 2e-4
     loss = {"fp32": 1e-3, "fp64": 2e-4}[precision]
     assert inside.sum() > 50 and (exact <= loss * made.rays[3][inside]).all()
+
+
+def test_a_chord_far_from_all_edges_is_the_same_without_looking_for_them(device, tmp_path, precision):
+    made = random_chords(PRECISIONS[precision], 8)
+    made.rays[4:] = (RIM + HOLE) / 2 / 2**0.5
+    (tmp_path / "looking").mkdir()
+    light, beyond = ramps_on(device, tmp_path / "looking", precision, 8, made)
+    blindly, beyond_blindly = ramps_on(device, tmp_path, precision, 8, made, cut=False)
+    np.testing.assert_array_equal(beyond_blindly, beyond)
+    assert (light.sum(-1) > 0).mean() > 0.5
+    # of a place of up to 46 lines, 2e-6 and 4e-15, over the shortest ramp; whole numbers
+    rounding = {"fp32": 1e-4, "fp64": 1e-6}[precision]
+    np.testing.assert_allclose(blindly, light, rtol=0, atol=rounding * WEIGHT_ONE)
 
 
 @pytest.mark.parametrize("cut", [False, True])

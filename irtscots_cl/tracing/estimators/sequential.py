@@ -16,7 +16,7 @@ from irtscots_cl.execution.task import TraceProgram
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import LocalMemory
 from irtscots_cl.opencl.program import BLOCK, LEAST_BLOCK, check_precision, compose
-from irtscots_cl.opencl.structs import WEIGHT_ONE, Fate
+from irtscots_cl.opencl.structs import LINE_WEIGHT_ONE, WEIGHT_ONE, Fate
 from irtscots_cl.optics.aim import mirror_rings, screen_corners
 from irtscots_cl.optics.screen_facets import ScreenFacets
 from irtscots_cl.optics.screen_windows import Windows
@@ -29,6 +29,7 @@ from irtscots_cl.tracing.packing.scene import Packed, pack
 from irtscots_cl.tracing.packing.sources import emitters, line_receivers, receivers, relative_flux
 from irtscots_cl.tracing.results.transport import LineLight, Transport, ledger_from, line_flux
 
+MAX_EDGES = 64  # lines of a window: with more, a ray is added by its ends instead of at every line's edge
 MARGINS = (1, 2, 4, 8)  # screen pixels; a larger error of the chief rays is a bug
 MAX_TILE_BYTES = 2**19  # a larger detector tile would leave the core's cache
 RINGS = 4  # on the mirror, of points that are compared with the screen's plane
@@ -170,7 +171,8 @@ class SequentialTask:
             return structs, windows.gather(unit)
         chief = self.setup.chief_rays
         area = np.pi / 4 * camera.aperture_diameter_mm**2 * chief.camera_model.pixel_area_mm2
-        unit = gain * area / camera.image_distance_mm**2 * relative_flux(chief, windows.pixels) / WEIGHT_ONE
+        one = LINE_WEIGHT_ONE if options.smoothing else WEIGHT_ONE
+        unit = gain * area / camera.image_distance_mm**2 * relative_flux(chief, windows.pixels) / one
         if options.smoothing:
             structs = line_receivers(self.setup, windows.pixels, windows.origins, options.precision)
         else:
@@ -183,8 +185,10 @@ class SequentialTask:
         packed = pack(self.setup.chief_rays, precision)
         tile = LocalMemory(self._tile_bytes())
         accumulate = self.accumulate or self._accumulate(device, tile)
-        choices = packed.choices | {"sampler": options.sampler, "accumulate": accumulate}
         width = self.width or device.vector_width(precision)
+        choices = packed.choices | {"sampler": options.sampler, "accumulate": accumulate}
+        if options.smoothing:
+            choices["ramps"] = "edges" if self._at_edges and accumulate != "atomic" and width > 1 else "steps"
         entry = "trace_lines" if options.smoothing else f"trace_{options.estimator}"
         source = compose(f"{entry}.cl", choices, packed.structs, precision, width, packed.constants, block=self._block)
         inputs = self._inputs(packed)
@@ -217,9 +221,16 @@ class SequentialTask:
             return BLOCK
         return min(BLOCK, max(LEAST_BLOCK, 1 << (self.rays - 1).bit_length()))
 
+    @property
+    def _at_edges(self) -> bool:
+        """Whether smoothed rays are best added at the edges of a window's lines, in a tile, however few they are."""
+        return self.options.smoothing and max(self.windows.columns, self.windows.rows) <= MAX_EDGES
+
     def _accumulate(self, device: Device, tile: LocalMemory) -> str:
-        adds = self.rays * (ADDS_OF_LINES if self.options.smoothing else 1)
-        fits = tile.nbytes <= min(MAX_TILE_BYTES, device.local_memory_bytes, adds * TILE_BYTES_PER_RAY)
+        most, adds = min(MAX_TILE_BYTES, device.local_memory_bytes), self.rays
+        if self.options.smoothing:
+            adds *= ADDS_OF_LINES
+        fits = tile.nbytes <= (most if self._at_edges else min(most, adds * TILE_BYTES_PER_RAY))
         return "tile" if device.kind == "cpu" and fits else "atomic"
 
     def _launch(self, replicate: int, block: RayBlock, per_item: int) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from irtscots_cl.opencl.structs import (
+    LINE_WEIGHT_ONE,
     PRECISIONS,
     WEIGHT_ONE,
     cones_emitter_dtype,
@@ -57,12 +58,14 @@ def line_receivers(setup: Setup, visible_pixels: np.ndarray, origins: np.ndarray
     bent = chief.screen_model.surface is not None
     out = np.zeros(len(visible_pixels), line_receiver_dtype(real, chief.camera_model.is_distorted, bent))
     out["start"] = receivers(chief, visible_pixels, origins, precision)
+    out["start"]["weight_scale"] *= LINE_WEIGHT_ONE / WEIGHT_ONE
     chords, pitch = Chords.of(chief, visible_pixels), np.array(chief.scene.screen.pitch_xy_mm)
     radius = chief.scene.camera.aperture_diameter_mm / 2
     values = (*chords.normal, chords.slope / pitch / radius, chords.bend / pitch / radius**2, chords.growth / radius,
               *(chords.mirror / radius))  # fmt: skip
     for name, value in zip(out["chords"].dtype.names, values, strict=True):
         out["chords"][name] = value
+    out["cut"] = ~chief.clear_of_edges.flat[visible_pixels]
     return out
 
 
