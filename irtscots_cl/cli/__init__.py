@@ -120,7 +120,9 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", help=argparse.SUPPRESS)
+    commands = parser.add_subparsers(
+        title="commands", prog="irtscots", required=True, metavar="COMMAND", help=argparse.SUPPRESS
+    )
     for module in COMMANDS:
         module.add(commands)
     parser.description += "\n\n" + _grouped(commands)
