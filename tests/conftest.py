@@ -10,6 +10,7 @@ import pytest
 # One thread for linear algebra, set before NumPy is there: a second one waits for its turn by turning in circles, and
 # takes up to seven times the processor time for matrices as small as the tests have.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.pop("COLUMNS", None)  # pytest-xdist sets it, and tables obey it
 
 from irtscots_cl import cli
 from irtscots_cl.opencl.device import Device, select_device

@@ -1,7 +1,6 @@
 // Speed test: a small job of the kind that all kernels do, for choosing between drivers of the same processor.
 // irtscots_cl/opencl/speed.py runs it. Rays of a block get random words, are aimed into a disk, meet a sphere, are
 // reflected and counted by detector pixel where they pass an aperture.
-#include "words.cl"
 #include "philox.cl"
 #include "uniform.cl"
 
@@ -9,21 +8,24 @@
 #define RADIUS (real)100
 
 typedef struct { realv x, y, u, v; } Spot;
+typedef struct { wordv of[4][BLOCK / WORD_LANES]; } SpotWords;   // [dimension][ray]
+
+INLINE uintv spot_words(const SpotWords *words, int dimension, int v) { return ((const uintv *)words->of[dimension])[v]; }
 
 // Passes as in the tracing kernels: words, aims, meeting and reflection, each a short loop over the block.
-INLINE void block_words(uint first, uint source, Words *words) {
+INLINE void block_words(uint first, uint source, SpotWords *words) {
     for (int v = 0; v < BLOCK / WORD_LANES; ++v) {
         const Philox counter = {{first + v * WORD_LANES + word_index(), (wordv)(0), (wordv)(source), (wordv)(0)}};
         const Philox out = philox4x32_10(counter, 1, 2);
-        for (int d = 0; d < DIMENSIONS; ++d) words->of[d][v] = out.word[d];
+        for (int d = 0; d < 4; ++d) words->of[d][v] = out.word[d];
     }
 }
 
-INLINE void block_aim(const Words *words, Spot *spots) {
+INLINE void block_aim(const SpotWords *words, Spot *spots) {
     for (int v = 0; v < BLOCK_VECTORS; ++v) {
-        unit_disk(ray_words(words, 0, v), ray_words(words, 1, v), &spots[v].u, &spots[v].v);
-        spots[v].x = uniform_centred(ray_words(words, 2, v));
-        spots[v].y = uniform_centred(ray_words(words, 3, v));
+        unit_disk(spot_words(words, 0, v), spot_words(words, 1, v), &spots[v].u, &spots[v].v);
+        spots[v].x = uniform_centred(spot_words(words, 2, v));
+        spots[v].y = uniform_centred(spot_words(words, 3, v));
     }
 }
 
@@ -47,7 +49,7 @@ INLINE ulong sphere_reflect(Spot *spot) {
 // Grid: (any number of work-items, 1).
 __kernel void speed_test(const uint blocks, __global uint *counts, __local uint *tile) {
     const uint source = get_global_id(0);
-    Words words;
+    SpotWords words;
     Spot spots[BLOCK_VECTORS];
     ulong through[BLOCK_VECTORS];
     for (int pixel = 0; pixel < SIDE * SIDE; ++pixel) tile[pixel] = 0;

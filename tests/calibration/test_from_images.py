@@ -96,12 +96,12 @@ def test_a_thinned_setup_is_the_whole_one_on_its_pixels():
     assert there.sum() == 8 * 8
     for name in ("x_mm", "v_mm", "coverage"):
         values = [getattr(s.chief_rays.footprint, name) for s in (whole, thin)]
-        np.testing.assert_array_equal(values[0][there], values[1][there])
+        np.testing.assert_allclose(values[0][there], values[1][there], rtol=1e-14)  # other parts, other rounding
         assert not np.any(np.nan_to_num(values[1][~there]))
     np.testing.assert_array_equal(whole.chief_rays.sees_mirror[there], thin.chief_rays.sees_mirror[there])
     for k in (0, 1):
         for one, other in zip(whole.chief_rays.light_shape(k), thin.chief_rays.light_shape(k), strict=True):
-            np.testing.assert_array_equal(one[there], other[there])
+            np.testing.assert_allclose(one[there], other[there], rtol=1e-12)
 
 
 # --- files --------------------------------------------------------------------------------------------------

@@ -41,6 +41,7 @@ FAMILIES = {
     "accumulate": ["tile", "atomic", "none"],
     "sampler": list(SAMPLERS),
 }
+RAMPS = ["edges", "steps"]  # how smoothed rays are added
 # What only the non-sequential estimator chooses between.
 PATH_FAMILIES = {
     "path_rng": ["none", "philox"],
@@ -76,7 +77,9 @@ STRUCTS = {"Launch": LAUNCH}
 
 def all_choices():
     for members in itertools.product(*FAMILIES.values()):
-        yield PLAIN | NO_DEPARTURE | {"outline": "none"} | dict(zip(FAMILIES, members, strict=True))
+        chosen = dict(zip(FAMILIES, members, strict=True))
+        ramps = "edges" if chosen["accumulate"] == "tile" else "steps"  # as the host chooses on CPUs
+        yield PLAIN | NO_DEPARTURE | {"outline": "none", "ramps": ramps} | chosen
 
 
 def write(path, text):
@@ -132,6 +135,8 @@ def test_every_combination_of_files_composes_and_builds(device, choices):
         for family, member in choices.items():
             if family in ("zernike", *NO_DEPARTURE) and choices["mirror"] == "nominal":
                 continue
+            if family == "ramps" and estimator != "lines":
+                continue
             assert [f for f in source.files if f.startswith(f"{family}_")] == [f"{family}_{member}.cl"]
         assert [k.function_name for k in build(device, source).all_kernels()] == [f"trace_{estimator}"]
 
@@ -139,7 +144,7 @@ def test_every_combination_of_files_composes_and_builds(device, choices):
 def test_polynomials_compose_and_build(device, precision):
     packed = pack(ChiefRays(lopsided_freeform()), precision)
     assert packed.choices | {"mirror": "deviated", "polynomial": "chebyshev"} == packed.choices
-    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic", "ramps": "steps"}
     for estimator, width in itertools.product(ESTIMATORS, {1, device.vector_width(precision)}):
         source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
         assert "polynomial_chebyshev.cl" in source.files
@@ -150,7 +155,7 @@ def test_every_kind_of_asphere_composes_and_builds(device, precision, asphere):
     packed = pack(ChiefRays(asphere_scene({"even": "deviated"}.get(asphere, asphere))), precision)
     expected = {"mirror": "deviated", "approach": "exact", "asphere": asphere}
     assert packed.choices | expected == packed.choices
-    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic", "ramps": "steps"}
     for estimator, width in itertools.product((*ESTIMATORS, "lines"), {1, device.vector_width(precision)}):
         source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
         build(device, source)
@@ -170,7 +175,7 @@ def test_every_kind_of_camera_and_screen_composes_and_builds(device, precision, 
                 "screen": "flat" if shape == "flat" else "bent", "glass": "plate" if glass else "none"}  # fmt: skip
     assert packed.choices.get("lens") == ("rational" if distorted else None)
     assert packed.choices | expected == packed.choices
-    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic", "ramps": "steps"}
     for estimator, width in itertools.product((*ESTIMATORS, "lines"), {1, device.vector_width(precision)}):
         source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
         for family, member in expected.items():
@@ -186,7 +191,7 @@ def test_every_kind_of_outline_composes_and_builds(device, precision, shape, tmp
     scene = with_part(scene_for(next(all_choices())), "mirror", outline=outline_of(shape, 300.0, tmp_path))
     packed = pack(ChiefRays(scene), precision)
     entries = [*ESTIMATORS, *(["lines"] if packed.choices["outline"] == "polygon" else [])]
-    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic", "ramps": "steps"}
     for estimator, width in itertools.product(entries, {1, device.vector_width(precision)}):
         source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
         assert f"outline_{packed.choices['outline']}.cl" in source.files
@@ -247,7 +252,7 @@ def test_families_here_are_those_of_the_folder():
         for star in re.findall(r'^#include "([a-z0-9_]+)_\*\.cl"', path.read_text(), re.M)
     }
     families = FAMILIES | DEPARTURE_FAMILIES | DEVICE_FAMILIES | PATH_FAMILIES | LIGHT_FAMILIES
-    families |= {"lens": LENSES, "outline": OUTLINES}
+    families |= {"lens": LENSES, "outline": OUTLINES, "ramps": RAMPS}
     assert stars == {*families, "simd", "gather", "real", "sobol_words"}
     for family, members in families.items():
         assert {f"{family}_{member}.cl" for member in members} == {
@@ -353,7 +358,7 @@ def test_unknown_names_are_refused(tmp_path):
 
 def test_building_twice_gives_the_same_program(device):
     packed = pack(ChiefRays(load_scene("sphere")), "fp32")
-    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic"}
+    choices = packed.choices | {"sampler": "philox", "accumulate": "atomic", "ramps": "steps"}
     sources = [compose("trace_adjoint.cl", choices, packed.structs, "fp32", 1) for _ in range(2)]
     assert build(device, sources[0]) is build(device, sources[1])
 

@@ -67,9 +67,9 @@ def large(screen: tuple[int, int], detector: tuple[int, int]):
     [
         ((21, 21), (4096, 4096), [], "camera.detector.pixels = [4096, 4096]: takes about 29.7 GiB"),
         ((21, 21), (16384, 1024), ["--estimator", "analytic"], "camera.detector.pixels = [16384, 1024]: takes"),
-        ((8192, 8192), (9, 9), ["--estimator", "forward"], "windows of "),
-        ((8192, 8192), (9, 9), ["--estimator", "forward", "--aim", "camera"], "windows of "),
-        ((8192, 8192), (9, 9), [], "windows of "),
+        ((8192, 8192), (9, 9), ["--estimator", "forward"], "screen pixels for each of 69"),
+        ((8192, 8192), (9, 9), ["--estimator", "forward", "--aim", "camera"], "screen pixels for each of 69"),
+        ((8192, 8192), (9, 9), ["--no-smoothing"], "screen pixels for each of 69"),
         ((8192, 8192), (9, 9), ["--estimator", "nonsequential"], "screen.pixels = [8192, 8192]: takes about 8.8 GiB"),
     ],
 )

@@ -30,7 +30,8 @@ from irtscots_cl.tracing.packing.sources import emitters, line_receivers, receiv
 from irtscots_cl.tracing.results.transport import LineLight, Transport, ledger_from, line_flux
 
 MAX_EDGES = 64  # lines of a window: with more, a ray is added by its ends instead of at every line's edge
-MARGINS = (1, 2, 4, 8)  # screen pixels; a larger error of the chief rays is a bug
+MARGINS = tuple(2**k for k in range(11))  # screen pixels
+MOST_MARGIN, MOST_SHARE = 8, 1 / 16  # screen pixels, or of a window of many: a larger error of the chief rays is a bug
 MAX_TILE_BYTES = 2**19  # a larger detector tile would leave the core's cache
 RINGS = 4  # on the mirror, of points that are compared with the screen's plane
 TILE_BYTES_PER_RAY = 4  # with more, clearing and merging a tile costs more than its rays' atomics
@@ -64,7 +65,7 @@ def trace_rays(
         if checkpoint is not None:
             checkpoint.discard()
         margin *= 2  # light fell outside a window: wider ones, from the start
-        if margin > MARGINS[-1]:
+        if margin > max(MOST_MARGIN, MOST_SHARE * max(task.windows.rows, task.windows.columns)):
             raise RuntimeError(f"{fates[Fate.OFF_WINDOW]} rays land outside all windows of the chief rays")
     before = {"build": prepared} | ({} if checkpoint is None else checkpoint.seconds)
     seconds = {name: ran.seconds[name] + before.get(name, 0.0) for name in ran.seconds}
