@@ -38,6 +38,8 @@ from typing import TYPE_CHECKING, Any
 # Public name -> the module that defines it. Nothing is imported before it is asked for: listing the scenes or a
 # wrong argument on the command line need not wait for NumPy, OpenCL and Matplotlib.
 _PUBLIC = {
+    "Bench": "planning.first_scene",
+    "Calibration": "scene.calibration_known",
     "Camera": "scene.instrument",
     "Detector": "scene.instrument",
     "DeviceError": "opencl.device",
@@ -48,11 +50,15 @@ _PUBLIC = {
     "HeightMap": "formats.height_map",
     "ImageStack": "imaging.image_stack",
     "Interrupted": "execution.checkpoint",
+    "Knowledge": "scene.calibration_known",
     "LineLight": "tracing.results.transport",
     "LineScan": "imaging.patterns",
+    "measure_fringes": "pipeline.measure_fringes",
     "Mirror": "scene.mirror",
     "MirrorMap": "scene.height_map",
     "MapOptions": "formats.height_map",
+    "moved": "calibration.parameters",
+    "record_pictures": "imaging.recorded_pictures",
     "Scan": "imaging.image_stack",
     "Scene": "scene.model",
     "SceneError": "scene.validation",
@@ -84,6 +90,7 @@ _PUBLIC = {
     "stray_light": "analysis.stray_light",
     "trace": "tracing.trace",
     "trace_paths": "tracing.trace",
+    "Unknowns": "calibration.calibrate",
     "write_map": "formats.maps",
     "zernike": "maths.zernike.polynomials",
     "ZernikeTerms": "scene.mirror",
@@ -97,8 +104,10 @@ if TYPE_CHECKING:
     from irtscots_cl.analysis.comparison import compare as compare
     from irtscots_cl.analysis.error_terms import error_terms as error_terms
     from irtscots_cl.analysis.stray_light import stray_light as stray_light
+    from irtscots_cl.calibration.calibrate import Unknowns as Unknowns
     from irtscots_cl.calibration.calibrate import calibrate as calibrate
     from irtscots_cl.calibration.identification import identify as identify
+    from irtscots_cl.calibration.parameters import moved as moved
     from irtscots_cl.execution.checkpoint import Checkpoints as Checkpoints
     from irtscots_cl.execution.checkpoint import Interrupted as Interrupted
     from irtscots_cl.formats.height_map import HeightMap as HeightMap
@@ -111,6 +120,7 @@ if TYPE_CHECKING:
     from irtscots_cl.imaging.image_stack import ImageStack as ImageStack
     from irtscots_cl.imaging.image_stack import Scan as Scan
     from irtscots_cl.imaging.patterns import LineScan as LineScan
+    from irtscots_cl.imaging.recorded_pictures import record_pictures as record_pictures
     from irtscots_cl.imaging.recording import record as record
     from irtscots_cl.maths.integration import integrate_slopes as integrate_slopes
     from irtscots_cl.maths.integration import noise_gain as noise_gain
@@ -127,9 +137,13 @@ if TYPE_CHECKING:
     from irtscots_cl.opencl.device import all_devices as all_devices
     from irtscots_cl.opencl.device import select_device as select_device
     from irtscots_cl.opencl.device import select_devices as select_devices
+    from irtscots_cl.pipeline.measure_fringes import measure_fringes as measure_fringes
     from irtscots_cl.planning.check import check_scene as check_scene
+    from irtscots_cl.planning.first_scene import Bench as Bench
     from irtscots_cl.planning.first_scene import design as design
     from irtscots_cl.report.height_map import height_map as height_map
+    from irtscots_cl.scene.calibration_known import Calibration as Calibration
+    from irtscots_cl.scene.calibration_known import Knowledge as Knowledge
     from irtscots_cl.scene.height_map import MirrorMap as MirrorMap
     from irtscots_cl.scene.instrument import Camera as Camera
     from irtscots_cl.scene.instrument import Detector as Detector

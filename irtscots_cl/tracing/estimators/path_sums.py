@@ -14,6 +14,7 @@ from irtscots_cl.tracing.results.paths import KINDS, LostFlux, PathFlux, events_
 # As in kernels/tally/tally.cl: then one per element, absorbed. "parted" are no end, but rays beside those launched.
 ENDS = ("detected", "escaped", "bounce limit", "failed", "parted")
 TRACKED_PATHS = 64  # the most powerful ones and, last, all others
+MAX_SCALE_BITS = 127  # of single precision
 SCALE_BITS = 22  # of a path's largest weight in the pilot; leaves 2^9 for larger ones
 LOSS_ONE = 2.0**20  # as in kernels/tally/tally.cl
 
@@ -111,5 +112,5 @@ def ledger_of(ends: dict[str, int]) -> dict[str, int]:
 
 
 def _scale(weight: float) -> float:
-    """A power of two that takes the weight to at most 2^SCALE_BITS."""
-    return float(2.0 ** (SCALE_BITS - np.ceil(np.log2(weight))))
+    """A power of two that takes the weight to at most 2^SCALE_BITS, and that the kernels' floats can hold."""
+    return float(2.0 ** min(SCALE_BITS - np.ceil(np.log2(weight)), MAX_SCALE_BITS))

@@ -62,6 +62,12 @@ def sums_of(work, ends, losses=(), paths=()):
     return sums
 
 
+def test_a_faint_paths_scale_is_a_number():
+    """Its weight to be a whole number would take more than single precision has."""
+    table = TrackedPaths((DIRECT, GHOST), (0.3, 1e-40)).table()
+    assert np.isfinite(table["scale"]).all() and np.isfinite(table["class_scale"]).all()
+
+
 def test_ends_add_up_to_what_was_launched_and_parted(work):
     absorbed = [0] * len(work.components)
     absorbed[1] = 4
