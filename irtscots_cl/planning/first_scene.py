@@ -184,15 +184,16 @@ def _commented(scene: Scene, bench: Bench, factor: int, fringes: bool, sight: Si
     columns, rows = bench.screen_pixels
     wide, high = (px * bench.screen_pitch_mm for px in sight.spot_px)
     way = (
-        "fringes take fewer frames than lines here: irtscots design-patterns FILE chooses them"
+        "Fringes take fewer frames than lines here: irtscots design-patterns FILE chooses them"
         if fringes
-        else f"a line scan takes {sum(scene.screen.pixels)} frames; irtscots design-patterns FILE compares fringes"
+        else f"A line scan takes {sum(scene.screen.pixels)} frames; irtscots design-patterns FILE compares fringes"
     )
     head = [
         f"# {scene.name}: a first test of this mirror. Lengths in mm.",
         f"# Monitor: {bench.screen_diagonal_mm / INCH_MM:.3g} inch, {columns} x {rows} pixels of "
         f"{bench.screen_pitch_mm:.4g} mm;",
-        f"# the light covers {wide:.1f} x {high:.1f} mm of it, and [screen] is the part that is used: {way}.",
+        f"# the light covers {wide:.1f} x {high:.1f} mm of it, and [screen] is the part that is used.",
+        f"# {way}.",
         f"# Camera: pixels of {bench.sensor_pitch_um:g} um, {factor} x {factor} binned; the mirror is "
         f"{max(sight.image_px):.0f} pixels across.",
         "# Next: irtscots check FILE; irtscots run FILE --smoothing --rays-per-pixel 64",
