@@ -1,12 +1,16 @@
 """The documents: links, paths, commands, generated parts, and what the README's example prints."""
 
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import irtscots_cl as irt
+from irtscots_cl import cli
 from irtscots_cl.cli import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -20,6 +24,10 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 COMMAND = re.compile(r"\birtscots ([a-z][a-z-]*)")
 PATH = re.compile(r"\b(?:irtscots_cl|kernels|tests|tools|examples|docs)/[\w./*-]*\w/?")
 TEST = re.compile(r"`(test_\w+)`")
+BLOCK = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
+INLINE = re.compile(r"`(irtscots [^`]+)`")
+MENTION = re.compile(r"arguments are required|expected one argument|value: '[A-Z]'|choice: '(?:K|COMMAND)'")
+PARSER = cli._parser()
 GENERATED = re.compile(r"<!-- begin: made by (\S+) -->.*?<!-- end -->", re.DOTALL)
 
 every_document = pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
@@ -52,6 +60,25 @@ def test_paths_exist(path):
 def test_commands_exist(path):
     for name in COMMAND.findall(TEXTS[path]):
         assert name in NAMES, f"irtscots {name}"
+
+
+def command_lines(text: str) -> list[str]:
+    """The commands in a document's blocks and sentences, without redirections and marks of what is optional."""
+    blocks = [block for kind, block in BLOCK.findall(text) if kind in ("", "sh")]
+    lines = [line.strip() for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    lines += [" ".join(line.split()) for line in INLINE.findall(BLOCK.sub("", text))]
+    return [re.sub(r"[][]|> .*| \|.*", "", line) for line in lines if line.startswith("irtscots ")]
+
+
+@every_document
+def test_commands_have_options_that_there_are(path, capsys):
+    """A mention without its arguments, or with a capital for a value, is no command to run."""
+    for line in command_lines(TEXTS[path]):
+        try:
+            PARSER.parse_args(shlex.split(line, comments=True)[1:])
+        except SystemExit as stop:
+            said = capsys.readouterr().err
+            assert stop.code == 0 or MENTION.search(said), f"{line}: {said}"
 
 
 def test_every_command_is_documented():
@@ -102,3 +129,22 @@ def test_the_readmes_example_prints_what_it_says(device, capsys):
     for ours, theirs in zip(printed.splitlines()[1:3], said.splitlines()[1:3], strict=True):
         # the noise of a slope's rms is 1 % here: another device or driver is within a few of these
         assert float(number.findall(ours)[0]) == pytest.approx(float(number.findall(theirs)[0]), rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.needs_device
+@pytest.mark.parametrize("name", ["detector", "fringes", "measuring", "patterns", "height-maps"])
+def test_scripts_of_the_documents_run(name, device, monkeypatch, tmp_path):
+    """Those that begin with the package's import, with the files that they speak of."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    columns, rows = irt.load_scene("sphere").screen.pixels
+    np.save("speckle.npy", np.random.default_rng(1).random((rows, columns)))
+    scripts = [
+        code.replace("z_mm = ...", "import numpy as np; z_mm = np.zeros((800, 800))")  # the reader's own map
+        for kind, code in BLOCK.findall(TEXTS[ROOT / "docs" / f"{name}.md"])
+        if kind == "python" and "import irtscots_cl as irt" in code
+    ]
+    assert scripts
+    for code in scripts:
+        exec(compile(code, f"{name}.md", "exec"), {})
