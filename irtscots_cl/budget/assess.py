@@ -17,6 +17,7 @@ from irtscots_cl.budget.trials import NotMeasuredError, Trials
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system.option_error import OptionError
 
 if TYPE_CHECKING:
     from irtscots_cl.budget.stray_paths import RayNoise
@@ -60,7 +61,7 @@ def assess(
     setup = Setup.of(scene)
     budget = budget or setup.scene.budget or Budget()
     if not 0 <= trial < budget.trials:
-        raise ValueError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
+        raise OptionError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
     design = MeasuredDesign.of_budget(setup, budget)
     trials = Trials.of(design, budget)
     known = known_sources(setup.scene, design.stray, design.maps)
