@@ -75,6 +75,7 @@ _PUBLIC = {
     "measure_by": "measurement.methods",
     "noise_gain": "maths.integration",
     "open_map": "formats.maps",
+    "plot": "report.plot",
     "record": "imaging.recording",
     "reconstruct": "measurement.reconstruction",
     "refine": "measurement.refinement",
@@ -82,8 +83,10 @@ _PUBLIC = {
     "select_device": "opencl.device",
     "select_devices": "opencl.device",
     "stray_light": "analysis.stray_light",
+    "to_xarray": "report.xarray_data",
     "trace": "tracing.trace",
     "trace_paths": "tracing.trace",
+    "viewer": "report.viewer",
     "write_map": "formats.maps",
     "zernike": "maths.zernike.polynomials",
     "ZernikeTerms": "scene.mirror",
@@ -130,6 +133,9 @@ if TYPE_CHECKING:
     from irtscots_cl.planning.check import check_scene as check_scene
     from irtscots_cl.planning.first_scene import design as design
     from irtscots_cl.report.height_map import height_map as height_map
+    from irtscots_cl.report.plot import plot as plot
+    from irtscots_cl.report.viewer import viewer as viewer
+    from irtscots_cl.report.xarray_data import to_xarray as to_xarray
     from irtscots_cl.scene.height_map import MirrorMap as MirrorMap
     from irtscots_cl.scene.instrument import Camera as Camera
     from irtscots_cl.scene.instrument import Detector as Detector

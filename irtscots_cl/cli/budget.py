@@ -50,12 +50,8 @@ def add(commands) -> None:
         action="store_true",
         help="trace and measure the trial as a test, too, and print its error beside the trial's; needs a device",
     )
-    parser.add_argument(
-        "--rays-per-pixel",
-        type=int,
-        metavar="N",
-        help=f"with --images: rays per detector pixel; default {RAYS_PER_PIXEL}",
-    )
+    rays = f"with --images: rays per detector pixel; default {RAYS_PER_PIXEL}"
+    parser.add_argument("--rays-per-pixel", type=int, metavar="N", help=rays)
     parser.add_argument("--device", metavar="D", help=f"with --images: {DEVICE_HELP}")
     parser.add_argument(
         "--result",

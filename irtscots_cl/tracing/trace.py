@@ -55,9 +55,7 @@ def trace(
     keeper: Checkpoints | None = None,
     finished: Callable[[Transport | LineLight | PathLight], None] | None = None,
 ) -> Transport | LineLight | PathLight:
-    """Trace rays_per_pixel rays per screen pixel (forward, nonsequential) or per detector pixel (adjoint).
-
-    The default, RAYS_PER_PIXEL, is that of `irtscots run`: fewer rays are faster, and noisier.
+    """Trace rays_per_pixel rays per screen pixel (forward, nonsequential) or detector pixel (adjoint), as `irtscots run`.
 
     The analytic estimator takes no rays and no device, so none of the other arguments, and gives light curves alone.
 

@@ -20,6 +20,7 @@ from irtscots_cl.report.page.curves import curve_data
 from irtscots_cl.report.page.drawings import bar_chart, ledger_flow, spectrum_chart, zernike_chart
 from irtscots_cl.report.page.layers import map_data
 from irtscots_cl.report.page.words import repeat_command, summary_of_measurement, summary_of_run, term_name
+from irtscots_cl.report.table import Table
 from irtscots_cl.report.tables import cautions, summary_tables
 from irtscots_cl.report.types import MeasuredFacts, Report
 from irtscots_cl.system.atomic_files import plain, write_text
@@ -102,7 +103,22 @@ def _largest(terms: list[tuple[str, Any, float, float]]) -> list[tuple[str, Any,
     return [term for term in terms if term in kept]
 
 
+def page_of(result: Reconstruction, comparison: Comparison | None = None, stack: ImageStack | None = None) -> str:
+    """The text of a page of a result in Python: its maps, light curves of line scans, and the set-up."""
+    table = Table("Result", ("", ""), tuple(result.summary().items()))
+    return _page({
+        "title": f"{result.nominal.name}: measured", "summary": "", "command": "", "cautions": [], "checks": [],
+        "tables": [table], "drawings": [("Spectrum", spectrum_chart(result))], "facts": [], "pictures": [],
+        "toml": result.nominal.to_toml(),
+    }, {"maps": map_data(result, None, comparison, ()), "curves": stack and curve_data(stack)},
+        _setup_picture(result))  # fmt: skip
+
+
 def _write(path: Path, words: dict[str, Any], data: dict[str, Any], setup: str) -> None:
+    write_text(path, _page(words, data, setup))
+
+
+def _page(words: dict[str, Any], data: dict[str, Any], setup: str) -> str:
     import jinja2
 
     folder = files("irtscots_cl.report") / "templates"
@@ -111,10 +127,15 @@ def _write(path: Path, words: dict[str, Any], data: dict[str, Any], setup: str) 
     # "</" would end the script element
     text = json.dumps(plain(data), allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
     failed = [check for check in words["checks"] if check["level"] != "ok"]
-    write_text(path, page.render(
-        **words, failed=failed, passed=len(words["checks"]) - len(failed), data=text, css=read["report.css"],
-        js=read["report.js"], setup=setup,
-    ))  # fmt: skip
+    return page.render(
+        **words,
+        failed=failed,
+        passed=len(words["checks"]) - len(failed),
+        data=text,
+        css=read["report.css"],
+        js=read["report.js"],
+        setup=setup,
+    )
 
 
 def _setup_picture(result: Reconstruction) -> str:

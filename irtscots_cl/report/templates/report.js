@@ -246,7 +246,13 @@ class MapView {
     this.choose(Math.min(Math.max(this.chosen + step, 0), this.values.length - 1));
   }
 
-  choose(n) { this.chosen = n; this.draw(); }
+  // Also tells a page around this one, such as a notebook.
+  choose(n) {
+    this.chosen = n;
+    this.draw();
+    const step = this.maps.step, row = step * Math.floor(n / this.columns), column = step * (n % this.columns);
+    if (window.parent !== window) window.parent.postMessage({ chosen: [row, column] }, "*");
+  }
 
   startLine() { this.drawing = !this.drawing; this.line = []; byId("draw-line").setAttribute("aria-pressed", String(this.drawing)); this.draw(); }
 
