@@ -50,10 +50,10 @@ def viewer(
     except ImportError:
         raise ImportError("viewer needs anywidget: pip install 'irtscots-cl[notebook]'") from None
 
-    class Viewer(anywidget.AnyWidget):  # type: ignore[misc]  # it has no types where it is not installed
-        _esm = MODULE
-        page = traitlets.Unicode().tag(sync=True)
-        height_px = traitlets.Int().tag(sync=True)
-        chosen = traitlets.List(trait=traitlets.Int()).tag(sync=True)
-
-    return Viewer(page=page_of(result, comparison, stack), height_px=height_px)
+    traits = {
+        "page": traitlets.Unicode().tag(sync=True),
+        "height_px": traitlets.Int().tag(sync=True),
+        "chosen": traitlets.List(trait=traitlets.Int()).tag(sync=True),
+    }
+    kind: Any = type("Viewer", (anywidget.AnyWidget,), {"_esm": MODULE, **traits})
+    return kind(page=page_of(result, comparison, stack), height_px=height_px)

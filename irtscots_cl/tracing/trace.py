@@ -55,7 +55,7 @@ def trace(
     keeper: Checkpoints | None = None,
     finished: Callable[[Transport | LineLight | PathLight], None] | None = None,
 ) -> Transport | LineLight | PathLight:
-    """Trace rays_per_pixel rays per screen pixel (forward, nonsequential) or detector pixel (adjoint), as `irtscots run`.
+    """Trace rays_per_pixel rays per screen pixel (forward, nonsequential) or detector pixel (adjoint), as `run` does.
 
     The analytic estimator takes no rays and no device, so none of the other arguments, and gives light curves alone.
 
