@@ -72,7 +72,10 @@ def test_ctrl_c_ends_it_without_a_word(folder):
         with urllib.request.urlopen(address, timeout=10) as answer:
             assert b"sphere-deviated" in answer.read()
         program.send_signal(signal.SIGINT)
-        _, err = program.communicate(timeout=20)
+        try:
+            _, err = program.communicate(timeout=20)
+        finally:
+            program.kill()
         idle.close()
     assert program.returncode == 0 and err == ""
 
