@@ -81,6 +81,7 @@ _PUBLIC = {
     "measure_by": "measurement.methods",
     "noise_gain": "maths.integration",
     "open_map": "formats.maps",
+    "plot": "report.plot",
     "record": "imaging.recording",
     "reconstruct": "measurement.reconstruction",
     "refine": "measurement.refinement",
@@ -88,9 +89,11 @@ _PUBLIC = {
     "select_device": "opencl.device",
     "select_devices": "opencl.device",
     "stray_light": "analysis.stray_light",
+    "to_xarray": "report.xarray_data",
     "trace": "tracing.trace",
     "trace_paths": "tracing.trace",
     "Unknowns": "calibration.calibrate",
+    "viewer": "report.viewer",
     "write_map": "formats.maps",
     "zernike": "maths.zernike.polynomials",
     "ZernikeTerms": "scene.mirror",
@@ -142,6 +145,9 @@ if TYPE_CHECKING:
     from irtscots_cl.planning.first_scene import Bench as Bench
     from irtscots_cl.planning.first_scene import design as design
     from irtscots_cl.report.height_map import height_map as height_map
+    from irtscots_cl.report.plot import plot as plot
+    from irtscots_cl.report.viewer import viewer as viewer
+    from irtscots_cl.report.xarray_data import to_xarray as to_xarray
     from irtscots_cl.scene.calibration_known import Calibration as Calibration
     from irtscots_cl.scene.calibration_known import Knowledge as Knowledge
     from irtscots_cl.scene.height_map import MirrorMap as MirrorMap

@@ -17,6 +17,7 @@ from irtscots_cl.optics.departure import ZernikeDeparture, deviations
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.scene.mirror import Mirror
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system.shown import html_table, one_line
 
 HEIGHT_TERMS = ("piston", "piston_tilt", "piston_tilt_power")  # terms removed before a height error is computed
 SAME_RATIO = 1e-9  # of holes: that of a table and of the mirror, a quotient of diameters
@@ -56,6 +57,20 @@ class Comparison:
     zernike: tuple[ZernikeRow, ...]
     zernike_fit: Coefficients
     error_mm: np.ndarray
+
+    __repr__ = one_line
+    _repr_html_ = html_table
+
+    def summary(self) -> dict[str, str]:
+        """Errors of slopes and heights; str() has the Zernike terms, too."""
+        return {
+            "pixels used": str(self.pixels_used),
+            **{f"slope error {axis}": f"{value} urad rms" for axis, value in self.slope_error_urad.items()},
+            **{
+                f"height error without {terms.replace('_', ', ')}": f"{value} nm rms"
+                for terms, value in self.height_error_nm.items()
+            },
+        }
 
     def __str__(self) -> str:
         lines = [f"pixels used               {self.pixels_used}"]

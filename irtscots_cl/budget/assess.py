@@ -17,10 +17,13 @@ from irtscots_cl.budget.trials import NotMeasuredError, Trials
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.error_sources import Budget
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system.option_error import OptionError
+from irtscots_cl.system.shown import html_table, one_line
 
 if TYPE_CHECKING:
     from irtscots_cl.budget.stray_paths import RayNoise
 
+LARGEST = 3  # sources that a summary names
 MOST_MAPS = 1024  # of draws of all processes: time and memory do not grow with their number
 
 
@@ -42,6 +45,23 @@ class ErrorBudget:
     no_ledger: str = ""
     ray_noise: tuple[RayNoise, ...] = ()
 
+    __repr__ = one_line
+    _repr_html_ = html_table
+
+    def summary(self) -> dict[str, str]:
+        """Of the sources together, and of the largest ones, nm rms without piston and tilt."""
+        scene, budget = self.trials.design.setup.scene, self.trials.budget
+        if self.linear is None or self.monte_carlo is None:
+            return {"scene": scene.name, "sources": "none; sensitivities of all that there are"}
+        largest = sorted(self.linear.nm, key=lambda name: -self.linear.nm[name][0])[:LARGEST]
+        return {
+            "scene": scene.name,
+            "sources": str(len(self.linear.nm)),
+            "all together": f"{self.linear.total_nm[0]:.3g} nm rms, linear",
+            "trials": f"{budget.trials}, {self.monte_carlo.root_mean_square_nm[0]:.3g} nm rms",
+            "largest": ", ".join(f"{name} {self.linear.nm[name][0]:.3g} nm" for name in largest),
+        }
+
 
 def assess(
     scene: Scene | Setup,
@@ -60,7 +80,7 @@ def assess(
     setup = Setup.of(scene)
     budget = budget or setup.scene.budget or Budget()
     if not 0 <= trial < budget.trials:
-        raise ValueError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
+        raise OptionError(f"--trial = {trial}: must be from 0 to {budget.trials - 1}")
     design = MeasuredDesign.of_budget(setup, budget)
     trials = Trials.of(design, budget)
     known = known_sources(setup.scene, design.stray, design.maps)

@@ -34,6 +34,7 @@ from irtscots_cl.cli import (
     scenes,
     stability,
     transfer,
+    view,
 )
 from irtscots_cl.cli import map as height_map
 from irtscots_cl.cli.common import (
@@ -51,7 +52,7 @@ from irtscots_cl.system import interruption
 GROUPS = {
     "simulate": (run, paths, scenes),
     "plan": (init, check, design_patterns, patterns, identify, budget, transfer),
-    "measure": (reconstruct, calibrate, height_map, convert),
+    "measure": (reconstruct, calibrate, height_map, convert, view),
     "this machine": (doctor, devices, bench, stability, kernel),
     "the paper": (reproduce,),
 }

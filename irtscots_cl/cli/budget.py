@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from irtscots_cl.cli.common import DEVICE_HELP, add_scene, command, print_json, print_tables, warn, workers_argument
 from irtscots_cl.cli.progress import Progress, add_quiet
 from irtscots_cl.scene.presets import load_scene
+from irtscots_cl.tracing.defaults import RAYS_PER_PIXEL
 
 if TYPE_CHECKING:
     from irtscots_cl.budget.assess import ErrorBudget
@@ -49,9 +50,8 @@ def add(commands) -> None:
         action="store_true",
         help="trace and measure the trial as a test, too, and print its error beside the trial's; needs a device",
     )
-    parser.add_argument(
-        "--rays-per-pixel", type=int, metavar="N", help="with --images: rays per detector pixel; default 16384"
-    )
+    rays = f"with --images: rays per detector pixel; default {RAYS_PER_PIXEL}"
+    parser.add_argument("--rays-per-pixel", type=int, metavar="N", help=rays)
     parser.add_argument("--device", metavar="D", help=f"with --images: {DEVICE_HELP}")
     parser.add_argument(
         "--result",
@@ -155,7 +155,7 @@ def _refuse(options: argparse.Namespace, names: tuple[str, ...], why: str) -> No
 def _simulated(options: argparse.Namespace, found: ErrorBudget) -> SimulatedTrial:
     """The trial as a test."""
     from irtscots_cl.opencl.device import select_devices
-    from irtscots_cl.pipeline.simulated_trial import RAYS_PER_PIXEL, simulate_trial
+    from irtscots_cl.pipeline.simulated_trial import simulate_trial
 
     rays = RAYS_PER_PIXEL if options.rays_per_pixel is None else options.rays_per_pixel
     return simulate_trial(

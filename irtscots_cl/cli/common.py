@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from irtscots_cl.scene.presets import load_scene, with_noise_file
 from irtscots_cl.scene.validation import SceneError
+from irtscots_cl.system.option_error import on_command_line
 
 if TYPE_CHECKING:
     from irtscots_cl.optics.setup import Setup
@@ -41,7 +42,7 @@ class StoppedError(Exception):
 
 
 def fail(message: object, code: int) -> int:
-    print(f"irtscots: {message}", file=sys.stderr)
+    print(f"irtscots: {on_command_line(message)}", file=sys.stderr)
     return code
 
 

@@ -36,10 +36,11 @@ from irtscots_cl.cli.common import (
 from irtscots_cl.cli.exporting import add_export, export, export_targets, print_exported
 from irtscots_cl.cli.keeping import add_resume, keeping
 from irtscots_cl.cli.progress import Progress, add_quiet
+from irtscots_cl.tracing.defaults import RAYS_PER_PIXEL
 
 # Defaults of the options that a target sets itself.
 OF_RAYS = ("rays_per_pixel", "replicates", "sampler", "precision", "device", "dask", "max_seconds")
-RAYS = {"rays_per_pixel": 16384, "replicates": 8, "aim": "mirror", "overfill": 1.0}
+RAYS = {"rays_per_pixel": RAYS_PER_PIXEL, "replicates": 8, "aim": "mirror", "overfill": 1.0}
 
 
 def add(commands) -> None:
@@ -61,8 +62,8 @@ def add(commands) -> None:
         "--rays-per-pixel",
         type=int,
         metavar="N",
-        help="rays per detector pixel (adjoint) or per screen pixel (forward); default 16384, and 64 where rays are "
-        "smoothed for a large detector's sake",
+        help=f"rays per detector pixel (adjoint) or per screen pixel (forward); default {RAYS_PER_PIXEL}, and 64 where "
+        "rays are smoothed for a large detector's sake",
     )
     parser.add_argument(
         "--parts",

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from irtscots_cl.system.option_error import OptionError
+
 MAX_RAYS_PER_ITEM = 2**18  # of one work-item: amortises its tile, and keeps every 32-bit tile bin below 2^32
 FIRST_LAUNCH_RAYS = 2**24  # before a launch has been timed
 LAUNCH_SECONDS = 0.4  # aimed at, so that progress and interruption stay responsive
@@ -15,10 +17,10 @@ LAUNCH_SECONDS = 0.4  # aimed at, so that progress and interruption stay respons
 def share_rays(rays_per_pixel: int, replicates: int) -> np.ndarray:
     """Rays per source of each replicate [replicates], as equal as whole numbers allow."""
     if not 1 <= replicates <= 1024:
-        raise ValueError(f"--replicates = {replicates}: must be 1 to 1024")
+        raise OptionError(f"--replicates = {replicates}: must be 1 to 1024")
     if not replicates <= rays_per_pixel <= 2**40:
         most = f"must be at least the {replicates} replicates and at most 2^40"
-        raise ValueError(f"--rays-per-pixel = {rays_per_pixel}: {most}")
+        raise OptionError(f"--rays-per-pixel = {rays_per_pixel}: {most}")
     rays = np.full(replicates, rays_per_pixel // replicates, dtype=np.int64)
     rays[: rays_per_pixel % replicates] += 1
     return rays

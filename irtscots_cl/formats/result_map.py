@@ -8,6 +8,7 @@ within three quarters of the pitch. The pitch is the median distance of neighbou
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -230,3 +231,18 @@ def _surrounded(good: NDArray[np.bool_]) -> NDArray[np.bool_]:
     parts = [wide[i : i + rows, k : k + columns] for i in range(3) for k in range(3)]
     found: NDArray[np.bool_] = np.logical_and.reduce(parts)
     return found
+
+
+def read_pixel_maps(path: Path, names: Sequence[str]) -> tuple[dict[str, FloatArray], str]:
+    """Maps [rows, columns] of a result by the datasets' names, and the orientation in which they lie in the file.
+
+    Raises ValueError, one line, for what cannot be read, and for maps of different sizes.
+    """
+    with reading(path, "result"), opened(path) as file:
+        maps = {}
+        for name in names:
+            group, _, last = name.rpartition("/")
+            maps[name] = _numbers(path, file, group, last)
+        if len({values.shape for values in maps.values()}) != 1 or next(iter(maps.values())).ndim != 2:
+            raise ValueError(f"{path}: {', '.join(names)}: must be maps of one size")
+        return maps, str(file.attrs.get("orientation", "upright"))

@@ -15,6 +15,7 @@ import numpy as np
 from irtscots_cl.imaging.bad_values import check_values
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.maths.statistics import jackknife_error
+from irtscots_cl.system.shown import html_table, one_line
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,20 @@ class Scan:
     saturation_w: float = math.inf
     unit: str = "W"
     line_width: float = 1.0
+
+    __repr__ = one_line
+    _repr_html_ = html_table
+
+    def summary(self) -> dict[str, str]:
+        """Lines, pixels, replicates and unit."""
+        rows, columns = self.shape
+        return {
+            "axis": self.axis,
+            "lines": f"{len(self.positions_mm)} from {self.positions_mm[0]:.4g} to {self.positions_mm[-1]:.4g} mm",
+            "detector": f"{rows} x {columns} (rows x columns), {len(self.pixels)} with a light curve",
+            "replicates": str(len(self.weights)),
+            "unit": self.unit,
+        }
 
     @property
     def lines(self) -> IntArray:
@@ -162,6 +177,21 @@ class ImageStack:
     x: Scan
     y: Scan
     use: BoolArray | None = field(default=None, repr=False)
+
+    __repr__ = one_line
+    _repr_html_ = html_table
+
+    def summary(self) -> dict[str, str]:
+        """Detector, and both scans."""
+        rows, columns = self.x.shape
+        return {
+            "detector": f"{rows} x {columns} (rows x columns)",
+            **{
+                f"{scan.axis} scan": f"{len(scan.positions_mm)} lines, {len(scan.pixels)} pixels with a light curve, "
+                f"{len(scan.weights)} replicates, {scan.unit}"
+                for scan in (self.x, self.y)
+            },
+        }
 
     def replicate(self, number: int) -> ImageStack:
         """The images of one replicate."""

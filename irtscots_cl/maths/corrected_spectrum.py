@@ -20,6 +20,7 @@ import numpy as np
 
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.maths.map_spectrum import PowerSpectrum
+from irtscots_cl.system.option_error import OptionError
 
 FLOOR = 0.1  # least response whose density is told
 MOST_ALIASED = 0.5  # of the mirror's own density that may come from beyond the grid's frequencies
@@ -65,7 +66,7 @@ def corrected_psd(
     """response, noise_mm4: [rows, columns], at the spectrum's frequencies. Raises ValueError for a map of a single row
     or column, or a floor out of range."""
     if not 0 < floor < 1:
-        raise ValueError(f"--floor = {floor}: must be above 0 and below 1")
+        raise OptionError(f"--floor = {floor}: must be above 0 and below 1")
     if min(spectrum.density_mm4.shape) < 2:
         raise ValueError("a corrected spectrum needs a map of more than one row and column")
     index, count = spectrum.rings()

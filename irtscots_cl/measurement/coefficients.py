@@ -14,6 +14,7 @@ from irtscots_cl.maths.zernike.fit import ZernikeFit, separable_terms
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.scene.mirror import Mirror
+from irtscots_cl.system.option_error import OptionError
 
 FITTED_NOLL = 45  # radial orders up to 8
 KINDS = ("circular", "annular")
@@ -41,7 +42,7 @@ class Coefficients:
 def check_kind(kind: str) -> None:
     """Raise ValueError unless ``kind`` is one of KINDS."""
     if kind not in KINDS:
-        raise ValueError(f"--zernike = {kind!r}: must be one of {', '.join(KINDS)}")
+        raise OptionError(f"--zernike = {kind!r}: must be one of {', '.join(KINDS)}")
 
 
 def terms_disk(mirror: Mirror, kind: str) -> tuple[float, float]:

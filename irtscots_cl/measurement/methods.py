@@ -10,6 +10,7 @@ from irtscots_cl.measurement.reconstruction import Reconstruction, reconstruct
 from irtscots_cl.measurement.refinement import refine
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system.option_error import OptionError
 
 
 @dataclass(frozen=True)
@@ -40,10 +41,10 @@ BEST = "likelihood"  # of a laboratory's images: unbiased, with least noise
 def check_measure(name: str, threshold: float = 0.0) -> Measure:
     """The method `name` of MEASURES. Raises ValueError for an unknown name, or if it cannot use a threshold."""
     if name not in MEASURES:
-        raise ValueError(f"--measure = {name!r}: must be one of {', '.join(MEASURES)}")
+        raise OptionError(f"--measure = {name!r}: must be one of {', '.join(MEASURES)}")
     how = MEASURES[name]
     if how.rounds and threshold > 0:
-        raise ValueError(
+        raise OptionError(
             f"--threshold = {threshold}: --measure {name} needs whole light curves; must be 0, or with --measure paper "
             "or fine"
         )

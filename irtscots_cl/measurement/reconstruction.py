@@ -11,7 +11,7 @@ import numpy as np
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.maths.arrays import BoolArray, FloatArray, IntArray
 from irtscots_cl.maths.integration import Islands, Misfit, integration_misfit, white_noise
-from irtscots_cl.maths.low_order import remove_terms
+from irtscots_cl.maths.low_order import remove_terms, rms
 from irtscots_cl.maths.statistics import jackknife_error
 from irtscots_cl.measurement.centroids import jackknife_centroids
 from irtscots_cl.measurement.light_curves import Flag, flag_curves
@@ -24,6 +24,7 @@ from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.pixel.light import PixelLight
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system.shown import html_table, one_line
 
 MIN_PIXELS = 4  # to separate piston, tilt and power
 # "centroid": of all samples with light (paper, Eq. 4); "chord": that, corrected by the profile of the design;
@@ -72,6 +73,28 @@ class Reconstruction:
     islands: Islands | None = field(default=None, repr=False)
     converged: bool | None = None
     place_errors_mm: Pair | None = field(default=None, repr=False)
+
+    __repr__ = one_line
+    _repr_html_ = html_table
+
+    def summary(self) -> dict[str, str]:
+        """Scene, pixels, and the deviation from the design without piston and tilt."""
+        found, used = self.levelled(self.deviation_mm) * 1e6, self.height_mask
+        return {
+            "scene": self.nominal.name,
+            "pixels used": f"{self.pixels_used} of {int(self.on_mirror.sum())} on the mirror",
+            "light curve, method": f"{self.light_curve}, {self.method}",
+            "deviation from the design": f"{rms(found, used):.4g} nm rms, {np.ptp(found[used]):.4g} nm PV",
+        }
+
+    def grid_mm(self) -> Pair:
+        """Mirror points x, y [rows, columns] of all detector pixels, for plots: `pcolormesh(*result.grid_mm(), map)`.
+
+        Those of x_mm, y_mm; where these are NaN, off the mask, they are continued by a parabola of row and column.
+        """
+        row, column = (n / max(n.shape) for n in np.indices(self.mask.shape))
+        terms = np.stack([np.ones(row.shape), row, column, row * row, row * column, column * column], -1)
+        return _continued(self.x_mm, terms), _continued(self.y_mm, terms)
 
     @property
     def nominal(self) -> Scene:
@@ -151,6 +174,13 @@ class Reconstruction:
     def _without_tilt(self, heights: FloatArray) -> FloatArray:
         """Heights [maps, rows, columns] without piston and tilt over height_mask."""
         return np.stack([remove_terms(self.x_mm, self.y_mm, h, self.height_mask, "piston_tilt") for h in heights])
+
+
+def _continued(values: FloatArray, terms: FloatArray) -> FloatArray:
+    """A map [rows, columns] whose NaN are those of the least-squares sum of terms [rows, columns, count]."""
+    known = np.isfinite(values)
+    weights = np.linalg.lstsq(terms[known], values[known], rcond=None)[0]
+    return np.where(known, values, terms @ weights)
 
 
 def reconstruct(

@@ -35,6 +35,7 @@ from irtscots_cl.measurement.refinement import order_of_model, zernikes
 from irtscots_cl.measurement.transfer_geometry import TransferGeometry, whole_pixels
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system.option_error import OptionError
 
 FRINGES = Measure("places", "cubic", pixel_average=False)  # what pipeline/measure_fringes.py does with places
 OVER_MIRROR = 144  # pixels, about, of the extremes over the mirror
@@ -88,11 +89,11 @@ class TransferFunction:
         """measure: a name of methods.MEASURES, which fringes do without. Raises ValueError for what is not allowed."""
         setup = Setup.of(scene).nominal
         if wavelength_nm is not None and not 1 <= wavelength_nm <= 1e6:
-            raise ValueError(f"--wavelength-nm = {wavelength_nm}: must be from 1 to 1e6")
+            raise OptionError(f"--wavelength-nm = {wavelength_nm}: must be from 1 to 1e6")
         if fringes is None:
             return cls(setup, measure, check_measure(measure), None, wavelength_nm)
         if not 0 < fringes < 1e5:
-            raise ValueError(f"--fringes = {fringes}: must be above 0 and below 100000 periods over the screen")
+            raise OptionError(f"--fringes = {fringes}: must be above 0 and below 100000 periods over the screen")
         return cls(setup, "fringes", FRINGES, fringes, wavelength_nm)
 
     def pixels(self, count: int = OVER_MIRROR) -> IntArray:

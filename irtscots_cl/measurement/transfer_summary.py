@@ -12,6 +12,7 @@ from irtscots_cl.measurement.methods import BEST
 from irtscots_cl.measurement.refinement import order_of_model
 from irtscots_cl.measurement.transfer_function import Response, TransferFunction, wrapped
 from irtscots_cl.measurement.transfer_geometry import TransferGeometry
+from irtscots_cl.system.option_error import OptionError
 
 DEFAULT_WAVES = 12
 STEPS = 600  # of frequency, up to Nyquist's, in which the period of half response is looked for
@@ -68,7 +69,7 @@ def summarise(
     geometry = transfer.geometry(transfer.nearest(*(place_mm or (0.0, 0.0))))
     away = math.hypot(geometry.x_mm[0] - (place_mm or (0, 0))[0], geometry.y_mm[0] - (place_mm or (0, 0))[1])
     if place_mm is not None and away > np.linalg.norm(geometry.pixel[0], axis=-1).sum():
-        raise ValueError(
+        raise OptionError(
             f"--at = {place_mm[0]:g} {place_mm[1]:g}: no pixel sees that place of the mirror as a whole; the nearest "
             f"is at {geometry.x_mm[0]:.4g} {geometry.y_mm[0]:.4g} mm"
         )
@@ -102,13 +103,13 @@ def _check(
     longest = 100 * transfer.setup.scene.mirror.diameter_mm
     for period in [] if periods is None else periods:
         if not 0 < period <= longest:
-            raise ValueError(f"--periods: {period:g} mm: must be above 0 and at most {longest:g}, 100 mirrors")
+            raise OptionError(f"--periods: {period:g} mm: must be above 0 and at most {longest:g}, 100 mirrors")
     if not abs(angle) <= 360:
-        raise ValueError(f"--direction = {angle:g}: must be from -360 to 360 degrees")
+        raise OptionError(f"--direction = {angle:g}: must be from -360 to 360 degrees")
     if not all(map(math.isfinite, place or ())):
-        raise ValueError(f"--at = {place}: must be two finite numbers")
+        raise OptionError(f"--at = {place}: must be two finite numbers")
     if not 0 < ripple <= 1e6:
-        raise ValueError(f"--ripple = {ripple:g}: must be above 0 and at most 1e6 nm")
+        raise OptionError(f"--ripple = {ripple:g}: must be above 0 and at most 1e6 nm")
 
 
 def _waves(angle_deg: float, frequency_per_mm: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ from irtscots_cl.report.types import NoiseFacts
 from irtscots_cl.scene.detector_noise import DetectorNoise
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.screen_response import ScreenResponse
+from irtscots_cl.system.option_error import OptionError
 from irtscots_cl.tracing.options import ANALYTIC, NONSEQUENTIAL
 from irtscots_cl.tracing.results.transport import LineLight, Transport
 
@@ -47,11 +48,11 @@ def check_noise(
     if not has_noise(scene):
         return False
     if parts:
-        raise ValueError("--parts: must be left out with noise: the terms are those of images without any")
+        raise OptionError("--parts: must be left out with noise: the terms are those of images without any")
     response = scene.screen.response
     if response is not None and response.needs_map and (smoothing or estimator in (ANALYTIC, NONSEQUENTIAL)):
         way = "--smoothing" if smoothing else f"--estimator {estimator}"
-        raise ValueError(
+        raise OptionError(
             f"scene {scene.name}: screen.response: uneven brightness and dead pixels need the light of each screen "
             f"pixel, which {way} does not give; must be traced by adjoint without --smoothing, or by forward"
         )

@@ -34,9 +34,9 @@ from irtscots_cl.report.result_file import write_result
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.screen_response import ScreenResponse
 from irtscots_cl.system.atomic_files import made_folder, write_text
+from irtscots_cl.tracing.defaults import RAYS_PER_PIXEL
 from irtscots_cl.tracing.trace import trace
 
-RAYS_PER_PIXEL = 2**14
 LEAST_FACTOR = 1e-6  # of a map's heights in a scene
 NAME_KEPT = 48  # characters of a scene's name, of 64
 MEASURE = "paper"  # as the budget measures: trapezoids, and slopes as means over pixels

@@ -25,6 +25,7 @@ from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.simulate import Run, simulate
 from irtscots_cl.report.types import SettingFacts, Target
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system.option_error import OptionError
 from irtscots_cl.tracing.options import ANALYTIC, ESTIMATORS, TraceOptions, can_smooth
 from irtscots_cl.tracing.trace import trace
 
@@ -66,9 +67,9 @@ class _Noise:
 def check_target(target_nm: float, estimator: str) -> None:
     """Refuse a target that is no number above 0, or an estimator without rays, with a ValueError."""
     if not 0 < target_nm < np.inf:
-        raise ValueError(f"--target-nm = {target_nm}: must be above 0 and finite")
+        raise OptionError(f"--target-nm = {target_nm}: must be above 0 and finite")
     if estimator not in ESTIMATORS:
-        raise ValueError(f"--target-nm: --estimator = {estimator!r}: must be one of {', '.join(ESTIMATORS)}")
+        raise OptionError(f"--target-nm: --estimator = {estimator!r}: must be one of {', '.join(ESTIMATORS)}")
 
 
 def check_without_noise(scene: Scene) -> None:
@@ -77,7 +78,7 @@ def check_without_noise(scene: Scene) -> None:
     for key, table in tables.items():
         if table is not None:
             must = f"must be left out with a table [{key}]: it chooses rays, for images without noise"
-            raise ValueError(f"--target-nm: {must}")
+            raise OptionError(f"--target-nm: {must}")
 
 
 def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed: Any) -> list[Setting]:
@@ -101,7 +102,7 @@ def plan(scene: Scene | Setup, target_nm: float, device: Device, **fixed: Any) -
         usable = sorted((s for s in found if s.rays_per_pixel <= MAX_RAYS), key=lambda s: s.seconds)
     if not usable:
         least = min(found, key=lambda s: s.floor_nm)
-        raise ValueError(
+        raise OptionError(
             f"--target-nm = {target_nm}: scene {scene.name}: no setting gets there; must be above "
             f"{least.floor_nm / MARGIN:.2g}, the error without ray noise by --measure {least.measure} "
             f"--precision {least.precision}"

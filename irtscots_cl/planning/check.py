@@ -14,6 +14,7 @@ from irtscots_cl.planning.obstruction import check_obstruction
 from irtscots_cl.planning.sight import Sight
 from irtscots_cl.planning.view import check_view
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.tracing.defaults import RAYS_PER_PIXEL
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ def check_scene(
     steps: int = 4,
     heights: bool = True,
     device: Device | None = None,
-    rays_per_pixel: int = 16384,
+    rays_per_pixel: int = RAYS_PER_PIXEL,
     replicates: int = 8,
 ) -> SceneCheck:
     """Check a scene.

@@ -13,6 +13,7 @@ from irtscots_cl.planning.sight import Sight
 from irtscots_cl.scene.instrument import Camera, Detector, Screen
 from irtscots_cl.scene.mirror import Mirror
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system.option_error import OptionError
 
 INCH_MM = 25.4
 BESIDE_MM = 50.0  # of the camera's and the light's place from the mirror's normal: room for a camera beside a monitor
@@ -74,7 +75,7 @@ def design(
     """
     bench = bench or Bench()
     if bench.side not in SIDES:
-        raise ValueError(f"--side = {bench.side!r}: must be one of {', '.join(SIDES)}")
+        raise OptionError(f"--side = {bench.side!r}: must be one of {', '.join(SIDES)}")
     mirror = Mirror(radius_mm=radius_mm, diameter_mm=diameter_mm, conic=conic, off_axis_mm=off_axis_mm,
                     obscuration_mm=obscuration_mm)  # fmt: skip
     scene = _placed(mirror, bench, name)
@@ -100,7 +101,7 @@ def _placed(mirror: Mirror, bench: Bench, name: str) -> Scene:
             return _around(scene, sight)
         over = max(one / most for one, most in zip(size, limit, strict=True))
         best = min(best, over) if math.isfinite(over) else best
-    raise ValueError(
+    raise OptionError(
         f"--screen-diagonal = {bench.screen_diagonal_mm / INCH_MM:.3g} inch: the light of this mirror needs one of "
         f"about {best * bench.screen_diagonal_mm / INCH_MM:.3g} inch"
     )

@@ -11,6 +11,7 @@ from irtscots_cl.measurement.methods import measure_by
 from irtscots_cl.measurement.pattern_design.choice import design_patterns
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.planning.finding import Finding
+from irtscots_cl.system.option_error import on_command_line
 from irtscots_cl.tracing.options import ANALYTIC
 from irtscots_cl.tracing.trace import trace
 
@@ -30,7 +31,7 @@ def expected_heights(setup: Setup) -> list[Finding]:
         try:
             found.append(Finding(code, "info", part(setup)))
         except ValueError as error:
-            found.append(Finding(code, "info", f"not known: {error}"))
+            found.append(Finding(code, "info", f"not known: {on_command_line(error)}"))
     return found
 
 

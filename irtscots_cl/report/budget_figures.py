@@ -42,9 +42,14 @@ def _ranked(linear: LinearBudget) -> list[str]:
 
 def tornado_figure(linear: LinearBudget) -> Figure:
     """Bars of what each source costs, the largest at the top, with terms removed."""
+    figure = Figure(figsize=(8, 1.6 + 0.32 * min(len(linear.nm), MOST_BARS)), layout="tight")
+    draw_tornado(figure.subplots(), linear)
+    return figure
+
+
+def draw_tornado(axes: Axes, linear: LinearBudget) -> None:
+    """tornado_figure on axes of one's own."""
     names = _ranked(linear)[:MOST_BARS]
-    figure = Figure(figsize=(8, 1.6 + 0.32 * len(names)), layout="tight")
-    axes: Axes = figure.subplots()
     place = np.arange(len(names))
     for level, label, colour in zip(LEVELS, LABELS, ("#9ecae1", "#4292c6", "#084594"), strict=True):
         axes.barh(place, [linear.nm[name][level] for name in names], color=colour, label=label)
@@ -54,7 +59,6 @@ def tornado_figure(linear: LinearBudget) -> Figure:
     more = f"; {left_out} smaller ones are not shown" if left_out else ""
     axes.set(xlabel="rms height error [nm]", title=f"Height error of each source's standard deviation{more}")
     axes.legend(loc="lower right", fontsize=8)
-    return figure
 
 
 def cumulative_figure(linear: LinearBudget) -> Figure:

@@ -19,13 +19,13 @@ def setup_figure(sight: Sight) -> Figure:
     figure = Figure(figsize=(12, 6), layout="constrained")
     side, end, screen = figure.subplots(1, 3, width_ratios=(1, 1, 1.2))
     for axes, k in ((side, 0), (end, 1)):
-        _draw_view(axes, sight, k)
+        draw_view(axes, sight, k)
     _draw_screen(screen, sight)
     figure.suptitle(f"{sight.scene.name}: {sight.measured:.0%} of the mirror is seen and lit")
     return figure
 
 
-def _draw_view(axes: Axes, sight: Sight, k: int) -> None:
+def draw_view(axes: Axes, sight: Sight, k: int) -> None:
     """The mirror, the devices and rays, along axis k (0: x, 1: y) and z, to one scale."""
     scene, surface = sight.scene, sight.chief.surface
     radius = scene.mirror.diameter_mm / 2

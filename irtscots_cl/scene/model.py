@@ -23,6 +23,7 @@ from irtscots_cl.scene.instrument import MAX_VIEW_RAD, Camera, Screen
 from irtscots_cl.scene.mirror import Mirror, ZernikeTerms
 from irtscots_cl.scene.toml import toml_table
 from irtscots_cl.scene.validation import SceneName, checked, nearest, problem, refuse, shown_word, translate
+from irtscots_cl.system.shown import html_table, one_line
 
 VIEW_RINGS, VIEW_ANGLES = 4, 32  # of the mirror, where it is looked for in a device's view
 MAX_ELEMENTS = 16  # besides the scene's own: all events of an element fit six bits of a path
@@ -51,6 +52,21 @@ class Scene:
     element: Annotated[tuple[Element, ...], Field(description="tables [[element]]")] = ()
     calibration: Annotated[Any, Field(description="a table [calibration.known]")] = None
     budget: Annotated[Any, Field(description="a table [budget]")] = None
+
+    __repr__ = one_line
+    _repr_html_ = html_table
+
+    def summary(self) -> dict[str, str]:
+        """Mirror, screen and camera in few words; to_toml() has all of them."""
+        mirror, screen, camera = self.mirror, self.screen, self.camera
+        columns, rows = camera.detector.pixels
+        said = {
+            "name": self.name,
+            "mirror": f"{mirror.diameter_mm:g} mm, radius {mirror.radius_mm:g} mm, conic {mirror.conic:g}",
+            "screen": f"{screen.pixels[0]} x {screen.pixels[1]} pixels at {_place(screen.position_mm)} mm",
+            "camera": f"{columns} x {rows} pixels at {_place(camera.position_mm)} mm",
+        }
+        return said | ({"elements": ", ".join(element.name for element in self.element)} if self.element else {})
 
     @model_validator(mode="after")
     def _check(self) -> Scene:
@@ -185,3 +201,7 @@ def _zernike_from_toml(entry: object, source: str, prefix: tuple[Any, ...]) -> Z
     fields |= {"ordering": ZERNIKE_KEYS[key], "coefficients_um": terms}
     checked_terms: ZernikeTerms = _validated(ZernikeTerms, fields, source, prefix, rename=key)
     return checked_terms
+
+
+def _place(position_mm: tuple[float, float, float]) -> str:
+    return f"({', '.join(f'{value:g}' for value in position_mm)})"

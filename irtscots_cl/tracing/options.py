@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 
 from irtscots_cl.opencl.structs import MAX_EVENTS, PRECISIONS
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system.option_error import OptionError
 from irtscots_cl.tracing.samplers import SAMPLERS
 
 ESTIMATORS = ("forward", "adjoint")  # that trace rays on a device
@@ -22,7 +23,7 @@ MAX_SMOOTHED_RAYS = 2**32  # per pixel and replicate: a sum of so many 32-bit am
 
 @dataclass(frozen=True)
 class TraceOptions:
-    """How to trace. Refuses what is out of range with a ValueError that names the command line's option.
+    """How to trace. Refuses what is out of range with an OptionError, a ValueError of one line.
 
     estimator: "forward", "adjoint", "analytic" or "nonsequential". sampler: a name of samplers.SAMPLERS. precision:
     "fp32" or "fp64". seed: 64 bits. aim: forward only, "mirror" or "camera". overfill: forward and nonsequential, solid
@@ -64,26 +65,26 @@ class TraceOptions:
             ("polarisation", self.polarisation, POLARISATION),
         ):
             if value not in allowed:
-                raise ValueError(f"--{option} = {value!r}: must be one of {', '.join(allowed)}")
+                raise OptionError(f"--{option} = {value!r}: must be one of {', '.join(allowed)}")
         if not 0 <= self.seed < 2**64:
-            raise ValueError(f"--seed = {self.seed}: must be 0 to 2^64 - 1")
+            raise OptionError(f"--seed = {self.seed}: must be 0 to 2^64 - 1")
         if not 1.0 <= self.overfill <= 1e4:
-            raise ValueError(f"--overfill = {self.overfill}: must be 1 to 10000")
+            raise OptionError(f"--overfill = {self.overfill}: must be 1 to 10000")
         if self.aim != "mirror" and self.estimator != "forward":
-            raise ValueError(f"--aim {self.aim}: must go with --estimator forward, not {self.estimator}")
+            raise OptionError(f"--aim {self.aim}: must go with --estimator forward, not {self.estimator}")
         if self.overfill != 1.0 and self.estimator in ("adjoint", ANALYTIC):
-            raise ValueError(f"--overfill = {self.overfill}: must go with --estimator forward, not {self.estimator}")
+            raise OptionError(f"--overfill = {self.overfill}: must go with --estimator forward, not {self.estimator}")
         if self.smoothing and self.estimator != "adjoint":
-            raise ValueError(f"--smoothing: must go with --estimator adjoint, not {self.estimator}")
+            raise OptionError(f"--smoothing: must go with --estimator adjoint, not {self.estimator}")
         if self.bounce_limit is not None and not 1 <= self.bounce_limit <= MAX_EVENTS:
-            raise ValueError(f"--bounce-limit = {self.bounce_limit}: must be 1 to {MAX_EVENTS}")
+            raise OptionError(f"--bounce-limit = {self.bounce_limit}: must be 1 to {MAX_EVENTS}")
         if not 0 <= self.least_chance <= 0.5:
-            raise ValueError(f"--least-chance = {self.least_chance}: must be 0 to 0.5")
+            raise OptionError(f"--least-chance = {self.least_chance}: must be 0 to 0.5")
         for name, default in PATH_OPTIONS.items():
             if self.estimator != NONSEQUENTIAL and getattr(self, name) != default:
                 option = f"--{name.replace('_', '-')} = {getattr(self, name)}"
                 option = "--no-aimed-scatter" if name == "aimed_scatter" else option
-                raise ValueError(f"{option}: must go with --estimator {NONSEQUENTIAL}, not {self.estimator}")
+                raise OptionError(f"{option}: must go with --estimator {NONSEQUENTIAL}, not {self.estimator}")
 
 
 # What only the non-sequential estimator has a choice of, with the defaults.
@@ -99,7 +100,7 @@ def check_traceable(scene: Scene, options: TraceOptions) -> None:
     check_sequential(scene, options.estimator)
     if options.smoothing and not can_smooth(scene):
         must = "must be one convex polygon with --smoothing, or rays be traced without it"
-        raise ValueError(f"scene {scene.name}: mirror.outline: {must}")
+        raise OptionError(f"scene {scene.name}: mirror.outline: {must}")
 
 
 def check_sequential(scene: Scene, estimator: str) -> None:
@@ -113,7 +114,7 @@ def check_sequential(scene: Scene, estimator: str) -> None:
     else:
         what = f"camera.lens = {scene.camera.lens!r}"
     must = f"must be left out with --estimator {estimator}, or --estimator be {NONSEQUENTIAL}"
-    raise ValueError(f"scene {scene.name}: {what}: {must}")
+    raise OptionError(f"scene {scene.name}: {what}: {must}")
 
 
 def can_smooth(scene: Scene) -> bool:
@@ -134,4 +135,4 @@ def check_nonsequential(scene: Scene) -> None:
         if given:
             sequential = ", ".join((*ESTIMATORS, ANALYTIC))
             must = f"must be left out with --estimator {NONSEQUENTIAL}, or --estimator be {sequential}"
-            raise ValueError(f"scene {scene.name}: {key} = {given}: {must}")
+            raise OptionError(f"scene {scene.name}: {key} = {given}: {must}")

@@ -12,7 +12,9 @@ from irtscots_cl.opencl.device import Device
 from irtscots_cl.optics.chief_rays import check_visible
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system.option_error import OptionError
 from irtscots_cl.tracing.checks.precision import warn_of_rounding
+from irtscots_cl.tracing.defaults import RAYS_PER_PIXEL
 from irtscots_cl.tracing.estimators.analytic import trace_analytic
 from irtscots_cl.tracing.estimators.nonsequential import trace_by_path
 from irtscots_cl.tracing.estimators.sequential import trace_rays
@@ -37,7 +39,7 @@ def trace(
     estimator: str = "adjoint",
     sampler: str = "philox",
     precision: str = "fp32",
-    rays_per_pixel: int = 1024,
+    rays_per_pixel: int = RAYS_PER_PIXEL,
     replicates: int = 8,
     seed: int = 1,
     aim: str = "mirror",
@@ -53,7 +55,7 @@ def trace(
     keeper: Checkpoints | None = None,
     finished: Callable[[Transport | LineLight | PathLight], None] | None = None,
 ) -> Transport | LineLight | PathLight:
-    """Trace rays_per_pixel rays per screen pixel (forward, nonsequential) or per detector pixel (adjoint).
+    """Trace rays_per_pixel rays per screen pixel (forward, nonsequential) or detector pixel (adjoint), as `run` does.
 
     The analytic estimator takes no rays and no device, so none of the other arguments, and gives light curves alone.
 
@@ -80,7 +82,7 @@ def trace(
         return trace_analytic(setup)
     rays = share_rays(rays_per_pixel, replicates)
     if smoothing and rays.max() > MAX_SMOOTHED_RAYS:
-        raise ValueError(f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 per replicate")
+        raise OptionError(f"--rays-per-pixel = {rays_per_pixel}: with --smoothing, must be at most 2^32 per replicate")
     check_visible(setup.chief_rays, f"scene {setup.scene.name}")
     executor = executor_of(device, client)
     warn_of_rounding(setup, executor.call, precision)

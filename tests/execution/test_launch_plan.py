@@ -90,10 +90,10 @@ def test_rays_are_shared_as_equally_as_whole_numbers_allow():
     assert share_rays(11, 4).tolist() == [3, 3, 3, 2]
     assert share_rays(4, 4).tolist() == [1, 1, 1, 1]
     for rays, replicates in ((3, 4), (2**40 + 1, 4)):
-        with pytest.raises(ValueError, match=f"--rays-per-pixel = {rays}: must be at least the 4 replicates"):
+        with pytest.raises(ValueError, match=f"rays_per_pixel = {rays}: must be at least the 4 replicates"):
             share_rays(rays, replicates)
     for replicates in (0, 1025):
-        with pytest.raises(ValueError, match=f"--replicates = {replicates}: must be 1 to 1024"):
+        with pytest.raises(ValueError, match=f"replicates = {replicates}: must be 1 to 1024"):
             share_rays(2**20, replicates)
 
 

@@ -84,7 +84,7 @@ def test_what_comes_from_beyond_the_grid_is_taken_out():
 
 def test_refusals():
     spectrum = windowed_spectrum(noise_map(1), PITCH)
-    with pytest.raises(ValueError, match="--floor = 1.0: must be above 0 and below 1"):
+    with pytest.raises(ValueError, match="floor = 1.0: must be above 0 and below 1"):
         corrected_psd(spectrum, flat(1.0), NO_ALIASES, None, floor=1.0)
     line = windowed_spectrum(np.random.default_rng(1).normal(size=(1, 9)), PITCH)
     with pytest.raises(ValueError, match="more than one row and column"):

@@ -151,5 +151,5 @@ def test_a_disk_far_larger_than_the_pupil(scene, factor):
 
 
 def test_an_unknown_kind_is_refused(scene):
-    with pytest.raises(ValueError, match="^--zernike = 'square': must be one of circular, annular$"):
+    with pytest.raises(ValueError, match="^zernike = 'square': must be one of circular, annular$"):
         coefficients(exact(scene, 9), kind="square")

@@ -97,7 +97,7 @@ def test_without_a_threshold_every_sample_counts(spied):
 
 @pytest.mark.parametrize("name", ["refined", "windowed", "likelihood"])
 def test_refinement_with_a_threshold_is_refused(spied, name):
-    with pytest.raises(ValueError, match=rf"--threshold = 0.2: --measure {name} needs whole light curves; must be 0"):
+    with pytest.raises(ValueError, match=rf"threshold = 0.2: measure {name} needs whole light curves; must be 0"):
         measure_by(name, "stack", "nominal", threshold=0.2)
     assert spied == []
 
@@ -107,7 +107,7 @@ def test_an_unknown_name_is_refused_before_anything_is_done(spied, name):
     for refuse in (check_measure, lambda bad: measure_by(bad, None, None)):
         with pytest.raises(ValueError, match="must be one of paper, fine") as caught:
             refuse(name)
-        assert str(caught.value) == f"--measure = {name!r}: must be one of paper, fine, refined, windowed, likelihood"
+        assert str(caught.value) == f"measure = {name!r}: must be one of paper, fine, refined, windowed, likelihood"
     assert spied == []
 
 

@@ -228,11 +228,11 @@ def test_the_model_of_a_measure_that_refines_follows_slow_waves_alone():
 
 def test_refusals():
     scene = setup_of("sphere", 21).scene
-    with pytest.raises(ValueError, match="--measure = 'best': must be one of paper"):
+    with pytest.raises(ValueError, match="measure = 'best': must be one of paper"):
         TransferFunction.of(scene, "best")
-    with pytest.raises(ValueError, match="--fringes = 0: must be above 0"):
+    with pytest.raises(ValueError, match="fringes = 0: must be above 0"):
         TransferFunction.of(scene, fringes=0)
-    with pytest.raises(ValueError, match="--wavelength-nm = 0.5: must be from 1 to 1e6"):
+    with pytest.raises(ValueError, match="wavelength_nm = 0.5: must be from 1 to 1e6"):
         TransferFunction.of(scene, wavelength_nm=0.5)
     one = with_part(scene, "camera", detector=replace(scene.camera.detector, pixels=(1, 1), pitch_mm=5.0))
     with pytest.raises(ValueError, match="no detector pixel lies on the mirror as a whole"):

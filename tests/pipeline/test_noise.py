@@ -185,15 +185,15 @@ def test_an_uneven_screen_is_in_the_images_of_a_transport_map(device):
 @pytest.mark.parametrize(
     ("options", "way"),
     [
-        ({"estimator": "analytic"}, "--estimator analytic"),
-        ({"smoothing": True}, "--smoothing"),
-        ({"estimator": "nonsequential"}, "--estimator nonsequential"),
+        ({"estimator": "analytic"}, "estimator analytic"),
+        ({"smoothing": True}, "smoothing"),
+        ({"estimator": "nonsequential"}, "estimator nonsequential"),
     ],
 )
 def test_an_uneven_screen_needs_a_map_of_transport(options, way):
     line = (
         f"scene sphere-deviated: screen.response: uneven brightness and dead pixels need the light of each screen "
-        f"pixel, which {way} does not give; must be traced by adjoint without --smoothing, or by forward"
+        f"pixel, which {way} does not give; must be traced by adjoint without smoothing, or by forward"
     )
     with pytest.raises(ValueError, match="screen.response") as caught:
         simulate(SCENE, response=UNEVEN, **options)
@@ -205,8 +205,8 @@ def test_an_uneven_screen_needs_a_map_of_transport(options, way):
 
 
 def test_terms_and_targets_are_for_images_without_noise(device):
-    with pytest.raises(ValueError, match="--parts: must be left out with noise"):
+    with pytest.raises(ValueError, match="parts: must be left out with noise"):
         simulate(SCENE, estimator="analytic", noise=NOISE, parts=True)
-    must = r"--target-nm: must be left out with a table \[camera.detector.noise\]"
+    must = r"target_nm: must be left out with a table \[camera.detector.noise\]"
     with pytest.raises(ValueError, match=must):
         run_to_target(with_noise(SCENE, NOISE), 5.0, device=device)

@@ -123,7 +123,7 @@ def test_the_off_axis_segment_is_measured_as_predicted(device):
 
 
 def test_an_argument_out_of_range_is_refused(device):
-    with pytest.raises(ValueError, match="--replicates = 0: must be 1 to 1024"):
+    with pytest.raises(ValueError, match="replicates = 0: must be 1 to 1024"):
         simulate(load_scene("sphere"), device=device, replicates=0)
 
 
@@ -227,7 +227,7 @@ def test_smoothed_rays_are_measured_with_the_error_their_replicates_tell(device)
 
 
 def test_an_unknown_measure_is_refused():
-    with pytest.raises(ValueError, match=r"--measure = 'finest': must be one of paper, fine, refined"):
+    with pytest.raises(ValueError, match=r"measure = 'finest': must be one of paper, fine, refined"):
         simulate(small_scene("sphere", 25), estimator="analytic", measure="finest")
 
 

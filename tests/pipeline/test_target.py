@@ -63,8 +63,8 @@ def test_refinement_is_not_tried_where_something_cheap_will_do(scene, device, mo
 
 
 def test_a_target_below_all_floors_is_refused_with_the_lowest(scene, device):
-    with pytest.raises(ValueError, match=r"--target-nm = 1e-06: scene sphere-deviated: no setting gets there; must be "
-                                         r"above \d.* by --measure refined --precision fp") as caught:  # fmt: skip
+    with pytest.raises(ValueError, match=r"target_nm = 1e-06: scene sphere-deviated: no setting gets there; must be "
+                                         r"above \d.* by measure refined precision fp") as caught:  # fmt: skip
         plan(scene, 1e-6, device)
     least = float(str(caught.value).split("above ")[1].split(",")[0])
     assert 1e-4 < least < 0.05  # nm: what refinement leaves
@@ -90,10 +90,10 @@ def test_a_miss_is_tried_again_with_more_rays_and_told(scene, device, monkeypatc
 @pytest.mark.parametrize(
     ("target", "estimator", "message"),
     [
-        (0.0, "adjoint", "--target-nm = 0.0: must be above 0 and finite"),
-        (-1.0, "adjoint", "--target-nm = -1.0: must be above 0 and finite"),
-        (float("nan"), "adjoint", "--target-nm = nan: must be above 0 and finite"),
-        (float("inf"), "adjoint", "--target-nm = inf: must be above 0 and finite"),
+        (0.0, "adjoint", "target_nm = 0.0: must be above 0 and finite"),
+        (-1.0, "adjoint", "target_nm = -1.0: must be above 0 and finite"),
+        (float("nan"), "adjoint", "target_nm = nan: must be above 0 and finite"),
+        (float("inf"), "adjoint", "target_nm = inf: must be above 0 and finite"),
         (1.0, "analytic", "must be one of forward, adjoint"),
     ],
 )

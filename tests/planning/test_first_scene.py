@@ -52,5 +52,5 @@ def test_a_monitor_that_is_too_small_is_said_with_the_size_it_takes():
 
 
 def test_a_side_that_is_none():
-    with pytest.raises(ValueError, match="--side = 'left': must be one of"):
+    with pytest.raises(ValueError, match="side = 'left': must be one of"):
         design(100.0, 1000.0, bench=Bench(side="left"))

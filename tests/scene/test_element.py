@@ -217,7 +217,7 @@ def test_every_field_of_an_element_comes_back_from_toml():
 
 @pytest.mark.parametrize("estimator", ["forward", "adjoint", "analytic"])
 def test_the_other_estimators_refuse_what_they_do_not_see(estimator):
-    must = f"must be left out with --estimator {estimator}, or --estimator be nonsequential"
+    must = f"must be left out with estimator {estimator}, or estimator be nonsequential"
     bare = dataclasses.replace(load_scene("sphere-singlet"), element=())
     plain = load_scene("sphere")
     scattering = dataclasses.replace(plain, mirror=dataclasses.replace(plain.mirror, scatter=Lambertian(tis=0.01)))

@@ -484,12 +484,12 @@ def test_a_bounce_limit_leaves_shorter_paths_as_they_are(device):
 @pytest.mark.parametrize(
     ("values", "line"),
     [
-        ({"bounce_limit": 0}, "--bounce-limit = 0: must be 1 to 42"),
-        ({"bounce_limit": 43}, "--bounce-limit = 43: must be 1 to 42"),
-        ({"least_chance": -0.1}, "--least-chance = -0.1: must be 0 to 0.5"),
-        ({"least_chance": 0.51}, "--least-chance = 0.51: must be 0 to 0.5"),
-        ({"replicates": 0}, "--replicates = 0: must be 1 to 1024"),
-        ({"seed": -1}, "--seed = -1: must be 0 to 2^64 - 1"),
+        ({"bounce_limit": 0}, "bounce_limit = 0: must be 1 to 42"),
+        ({"bounce_limit": 43}, "bounce_limit = 43: must be 1 to 42"),
+        ({"least_chance": -0.1}, "least_chance = -0.1: must be 0 to 0.5"),
+        ({"least_chance": 0.51}, "least_chance = 0.51: must be 0 to 0.5"),
+        ({"replicates": 0}, "replicates = 0: must be 1 to 1024"),
+        ({"seed": -1}, "seed = -1: must be 0 to 2^64 - 1"),
     ],
 )
 def test_options_out_of_range_are_refused(values, line):

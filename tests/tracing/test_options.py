@@ -47,48 +47,45 @@ def test_every_value_in_range_is_kept(given):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
+        *(({"estimator": name}, f"estimator = '{name}': must be one of {', '.join(ALL)}") for name in ("backward", "")),
+        ({"sampler": "halton"}, f"sampler = 'halton': must be one of {', '.join(SAMPLERS)}"),
+        ({"precision": "fp16"}, "precision = 'fp16': must be one of fp32, fp64"),
+        ({"seed": -1}, "seed = -1: must be 0 to 2^64 - 1"),
+        ({"seed": 2**64}, "seed = 18446744073709551616: must be 0 to 2^64 - 1"),
+        ({"overfill": 0.99}, "overfill = 0.99: must be 1 to 10000"),
+        ({"overfill": 10001}, "overfill = 10001: must be 1 to 10000"),
+        ({"overfill": float("nan")}, "overfill = nan: must be 1 to 10000"),
+        ({"overfill": float("inf")}, "overfill = inf: must be 1 to 10000"),
+        ({"overfill": -1.0}, "overfill = -1.0: must be 1 to 10000"),
+        ({"overfill": 2.0}, "overfill = 2.0: must go with estimator forward, not adjoint"),
+        ({"overfill": 2.0, "estimator": ANALYTIC}, "overfill = 2.0: must go with estimator forward, not analytic"),
+        ({"aim": "screen"}, "aim = 'screen': must be one of mirror, camera"),
         *(
-            ({"estimator": name}, f"--estimator = '{name}': must be one of {', '.join(ALL)}")
-            for name in ("backward", "")
-        ),
-        ({"sampler": "halton"}, f"--sampler = 'halton': must be one of {', '.join(SAMPLERS)}"),
-        ({"precision": "fp16"}, "--precision = 'fp16': must be one of fp32, fp64"),
-        ({"seed": -1}, "--seed = -1: must be 0 to 2^64 - 1"),
-        ({"seed": 2**64}, "--seed = 18446744073709551616: must be 0 to 2^64 - 1"),
-        ({"overfill": 0.99}, "--overfill = 0.99: must be 1 to 10000"),
-        ({"overfill": 10001}, "--overfill = 10001: must be 1 to 10000"),
-        ({"overfill": float("nan")}, "--overfill = nan: must be 1 to 10000"),
-        ({"overfill": float("inf")}, "--overfill = inf: must be 1 to 10000"),
-        ({"overfill": -1.0}, "--overfill = -1.0: must be 1 to 10000"),
-        ({"overfill": 2.0}, "--overfill = 2.0: must go with --estimator forward, not adjoint"),
-        ({"overfill": 2.0, "estimator": ANALYTIC}, "--overfill = 2.0: must go with --estimator forward, not analytic"),
-        ({"aim": "screen"}, "--aim = 'screen': must be one of mirror, camera"),
-        *(
-            ({"aim": "camera", "estimator": name}, f"--aim camera: must go with --estimator forward, not {name}")
+            ({"aim": "camera", "estimator": name}, f"aim camera: must go with estimator forward, not {name}")
             for name in ("adjoint", ANALYTIC)
         ),
         *(
             (
                 {"smoothing": True, "estimator": name},
-                f"--smoothing: must go with --estimator adjoint, not {name}",
+                f"smoothing: must go with estimator adjoint, not {name}",
             )
             for name in ("forward", ANALYTIC)
         ),
         *(
-            ({option: value}, f"{words}: must go with --estimator nonsequential, not adjoint")
+            ({option: value}, f"{words}: must go with estimator nonsequential, not adjoint")
             for option, value, words in (
-                ("bounce_limit", 3, "--bounce-limit = 3"),
-                ("least_chance", 0.2, "--least-chance = 0.2"),
-                ("branches", "split", "--branches = split"),
-                ("aimed_scatter", False, "--no-aimed-scatter"),
+                ("bounce_limit", 3, "bounce_limit = 3"),
+                ("least_chance", 0.2, "least_chance = 0.2"),
+                ("branches", "split", "branches = split"),
+                ("aimed_scatter", False, "aimed_scatter = False"),
             )
         ),
         *(
             ({"estimator": NONSEQUENTIAL} | given, message)
             for given, message in (
-                ({"bounce_limit": 0}, "--bounce-limit = 0: must be 1 to 42"),
-                ({"least_chance": 0.6}, "--least-chance = 0.6: must be 0 to 0.5"),
-                ({"branches": "some"}, "--branches = 'some': must be one of random, split"),
+                ({"bounce_limit": 0}, "bounce_limit = 0: must be 1 to 42"),
+                ({"least_chance": 0.6}, "least_chance = 0.6: must be 0 to 0.5"),
+                ({"branches": "some"}, "branches = 'some': must be one of random, split"),
             )
         ),
     ],
@@ -119,6 +116,6 @@ def test_what_the_non_sequential_estimator_does_not_see_is_refused(device, part,
     scene = with_part(coarse("sphere", 9), part, **changes)
     with pytest.raises(ValueError, match="must be left out") as caught:
         trace_paths(scene, device=device, rays_per_pixel=64)
-    must = "must be left out with --estimator nonsequential, or --estimator be forward, adjoint, analytic"
+    must = "must be left out with estimator nonsequential, or estimator be forward, adjoint, analytic"
     assert str(caught.value) == f"scene sphere: {message}: {must}"
     assert trace(scene, device=device, rays_per_pixel=64).ledger["detected"] > 0  # as the message says

@@ -150,7 +150,7 @@ def test_of_a_picture_only_pixels_that_its_edge_does_not_cross_have_a_closed_for
 
 @pytest.mark.parametrize("kind", [kind for kind in OUTLINED if kind not in CONVEX])
 def test_smoothed_rays_are_refused_where_chords_are_cut_into_pieces(folder, kind):
-    with pytest.raises(ValueError, match="mirror.outline: must be one convex polygon with --smoothing"):
+    with pytest.raises(ValueError, match="mirror.outline: must be one convex polygon with smoothing"):
         trace(scene_of(kind, folder), smoothing=True, rays_per_pixel=1)
 
 
@@ -173,7 +173,7 @@ def test_the_light_of_the_parts_adds_up(device, folder):
 
 
 def test_the_nonsequential_estimator_refuses_outlines(folder):
-    with pytest.raises(ValueError, match="mirror.outline = no whole disk: must be left out with --estimator nonseq"):
+    with pytest.raises(ValueError, match="mirror.outline = no whole disk: must be left out with estimator nonseq"):
         trace(scene_of("hexagon", folder), estimator="nonsequential", rays_per_pixel=8)
 
 

@@ -89,7 +89,7 @@ def test_rounding_that_rules_over_the_ray_noise_is_refused(device):
     rounding = rounding_error(setup, device, "fp32").height_nm
     assert rounding > SMALL_NM
     many = int(16384 * (4 * ray_noise_nm(setup, 16384) / rounding) ** 2)  # ray noise of a quarter of the rounding
-    message = r"--precision = 'fp32': segment\.toml: rounding would add .* nm rms to the height, .*; must be fp64"
+    message = r"precision = 'fp32': segment\.toml: rounding would add .* nm rms to the height, .*; must be fp64"
     with pytest.raises(ValueError, match=message):
         check_precision_of_scene(setup, device, "fp32", "segment.toml", many)
     check_precision_of_scene(setup, device, "fp32", "segment.toml", many // 100)

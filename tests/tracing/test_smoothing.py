@@ -466,7 +466,7 @@ def no_tracing(monkeypatch):
 @pytest.mark.usefixtures("no_tracing")
 @pytest.mark.parametrize(("rays", "replicates"), [(2**32 + 1, 1), (2**33 + 1, 2), (2**40, 8)])
 def test_more_rays_are_refused(device, rays, replicates):
-    with pytest.raises(ValueError, match=f"--rays-per-pixel = {rays}: with --smoothing, must be at most 2"):
+    with pytest.raises(ValueError, match=f"rays_per_pixel = {rays}: with smoothing, must be at most 2"):
         trace(load_scene("sphere"), device=device, rays_per_pixel=rays, replicates=replicates, smoothing=True)
 
 
@@ -479,7 +479,7 @@ def test_as_many_are_not(device, rays, replicates, smoothing):
 
 @pytest.mark.parametrize("estimator", ["forward", "analytic"])
 def test_other_estimators_are_refused(device, estimator):
-    with pytest.raises(ValueError, match=f"--smoothing: must go with --estimator adjoint, not {estimator}"):
+    with pytest.raises(ValueError, match=f"smoothing: must go with estimator adjoint, not {estimator}"):
         trace(load_scene("sphere"), device=device, estimator=estimator, smoothing=True)
 
 

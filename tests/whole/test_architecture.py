@@ -20,7 +20,7 @@ ONLY_FROM = {
     "maths": {"system"},
     "formats": {"system", "maths"},
     "opencl": set(),
-    "scene": {"maths", "formats"},
+    "scene": {"system", "maths", "formats"},
     "execution": {"system", "opencl"},
     "optics": {"system", "maths", "scene"},
     "imaging": {"system", "maths", "formats", "scene", "optics"},

@@ -119,9 +119,12 @@ def test_every_generated_part_has_its_tool():
     assert tools == {"tools/scene_reference.py", "tools/architecture.py"}
 
 
-def test_the_readmes_example_prints_what_it_says(device, capsys):
+def test_the_readmes_example_prints_what_it_says(device, capsys, tmp_path, monkeypatch):
     code, said = re.search(r"```python\n(.*?)```\n\nprints\n\n```\n(.*?)```", TEXTS[README], re.DOTALL).groups()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
     exec(compile(code, "README.md", "exec"), {})
+    assert {path.name for path in tmp_path.iterdir()} == {"first-look.png", "sphere.dat"}
     printed = capsys.readouterr().out
     number = re.compile(r"[-+]?\d[\d.e-]*")
     assert number.sub("#", printed) == number.sub("#", said)

@@ -21,6 +21,7 @@ from irtscots_cl.execution.launch_plan import RayBlock, cut_block
 from irtscots_cl.execution.local import LocalExecutor
 from irtscots_cl.execution.task import Tracer, TraceTask
 from irtscots_cl.opencl.device import Device, DeviceError, describe_together, select_devices
+from irtscots_cl.system.option_error import on_command_line
 
 
 class WorkerError(RuntimeError):
@@ -101,7 +102,7 @@ def call(code: str, function: Callable[..., Any], arguments: Sequence[Any]) -> A
         with _guard:
             return function(*arguments)
     except ValueError as error:
-        raise ValueError(f"--dask: worker {address}: {error}") from None
+        raise ValueError(f"--dask: worker {address}: {on_command_line(error)}") from None
 
 
 _guard = threading.Lock()

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from irtscots_cl.measurement.phase import FrameNoise
+from irtscots_cl.system.option_error import OptionError
 
 FULL_WELL_E, READ_NOISE_E, BITS = 10_000.0, 2.5, 12  # of an industrial CMOS sensor of 3.45 um pixels
 FILLED = 0.9  # of the full well, for the brightest pixel
@@ -50,7 +51,7 @@ def check_camera(**given: float | None) -> None:
         if value is not None and not low <= value <= high:
             option = {"electrons": "electrons", "full_well_e": "full-well", "read_noise_e": "read-noise",
                       "bits": "bits", "frame_s": "frame-time", "exposure_s": "exposure"}[name]  # fmt: skip
-            raise ValueError(f"--{option} = {value:g}: must be from {low:g} to {high:g}")
+            raise OptionError(f"--{option} = {value:g}: must be from {low:g} to {high:g}")
 
 
 def camera_of(
@@ -75,7 +76,7 @@ def camera_of(
     well = full_well_e or getattr(table, "full_well_e", None)
     peak = electrons or peak_electrons(table, white_w, seconds) or (FILLED * (well or FULL_WELL_E))
     if well is not None and peak > well:
-        raise ValueError(
+        raise OptionError(
             f"{peak:.4g} electrons in the brightest pixel under a white screen and a full well of {well:.4g}: must be "
             "at most as many; a shorter exposure, or --electrons"
         )
@@ -89,7 +90,7 @@ def camera_of(
         frame_s=FRAME_S if frame_s is None else frame_s,
     )
     if not (found.noise.read > 0 or found.noise.gain > 0):
-        raise ValueError(
+        raise OptionError(
             "the camera has neither read noise nor shot noise nor bits: all patterns are exact; must have some, as by "
             "camera.detector.noise.shot_noise = true or --read-noise"
         )

@@ -27,6 +27,7 @@ from irtscots_cl.optics.pixel.light import whole_flux_w
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
+from irtscots_cl.system.option_error import OptionError
 
 FRAMES = 32  # of a whole test
 TIE = 0.005  # relative difference of nm below which sets are as good as each other
@@ -102,9 +103,9 @@ def design_patterns(
     not allowed, and where no pixel sees the screen.
     """
     if not 6 <= frames <= 10**6:
-        raise ValueError(f"--frames = {frames}: must be from 6 (three steps along x and along y) to 1000000")
+        raise OptionError(f"--frames = {frames}: must be from 6 (three steps along x and along y) to 1000000")
     if not 0 < limit < 0.5:
-        raise ValueError(f"--ambiguity = {limit:g}: must be above 0 and below 0.5")
+        raise OptionError(f"--ambiguity = {limit:g}: must be above 0 and below 0.5")
     setup = Setup.of(scene).nominal
     seen = seen_pixels(setup)
     table, response = setup.scene.camera.detector.noise, setup.scene.screen.response

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import base64
 import io
-import json
 import math
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, cast
 
@@ -19,10 +17,12 @@ from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.report.page.curves import curve_data
 from irtscots_cl.report.page.drawings import bar_chart, ledger_flow, spectrum_chart, zernike_chart
 from irtscots_cl.report.page.layers import map_data
+from irtscots_cl.report.page.rendering import rendered
 from irtscots_cl.report.page.words import repeat_command, summary_of_measurement, summary_of_run, term_name
+from irtscots_cl.report.table import Table
 from irtscots_cl.report.tables import cautions, summary_tables
 from irtscots_cl.report.types import MeasuredFacts, Report
-from irtscots_cl.system.atomic_files import plain, write_text
+from irtscots_cl.system.atomic_files import write_text
 
 MOST_TERMS = 24  # bars of Zernike terms, the largest
 
@@ -102,19 +102,25 @@ def _largest(terms: list[tuple[str, Any, float, float]]) -> list[tuple[str, Any,
     return [term for term in terms if term in kept]
 
 
-def _write(path: Path, words: dict[str, Any], data: dict[str, Any], setup: str) -> None:
-    import jinja2
+def page_of(result: Reconstruction, comparison: Comparison | None = None, stack: ImageStack | None = None) -> str:
+    """The text of a page of a result in Python: its maps, light curves of line scans, and the set-up."""
+    table = Table("Result", ("", ""), tuple(result.summary().items()))
+    return _page({
+        "title": f"{result.nominal.name}: measured", "summary": "", "command": "", "cautions": [], "checks": [],
+        "tables": [table], "drawings": [("Spectrum", spectrum_chart(result))], "facts": [], "pictures": [],
+        "toml": result.nominal.to_toml(),
+    }, {"maps": map_data(result, None, comparison, ()), "curves": stack and curve_data(stack)},
+        _setup_picture(result))  # fmt: skip
 
-    folder = files("irtscots_cl.report") / "templates"
-    read = {name: (folder / name).read_text(encoding="utf-8") for name in ("report.html", "report.css", "report.js")}
-    page = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(read["report.html"])
-    # "</" would end the script element
-    text = json.dumps(plain(data), allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
+
+def _write(path: Path, words: dict[str, Any], data: dict[str, Any], setup: str) -> None:
+    write_text(path, _page(words, data, setup))
+
+
+def _page(words: dict[str, Any], data: dict[str, Any], setup: str) -> str:
     failed = [check for check in words["checks"] if check["level"] != "ok"]
-    write_text(path, page.render(
-        **words, failed=failed, passed=len(words["checks"]) - len(failed), data=text, css=read["report.css"],
-        js=read["report.js"], setup=setup,
-    ))  # fmt: skip
+    words |= {"failed": failed, "passed": len(words["checks"]) - len(failed), "setup": setup}
+    return rendered("report", words, data)
 
 
 def _setup_picture(result: Reconstruction) -> str:

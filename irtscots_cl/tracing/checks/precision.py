@@ -22,7 +22,9 @@ from irtscots_cl.optics.chief_rays import ChiefRays
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import parse_scene
+from irtscots_cl.system.option_error import OptionError
 from irtscots_cl.tracing.checks.probes import PathProbe, uniform_centred
+from irtscots_cl.tracing.defaults import RAYS_PER_PIXEL
 from irtscots_cl.tracing.packing.sources import receivers
 from irtscots_cl.tracing.samplers import DIMENSIONS
 
@@ -213,7 +215,7 @@ def check_precision_of_scene(
     device: Device,
     precision: str,
     source: str,
-    rays_per_pixel: int = 16384,
+    rays_per_pixel: int = RAYS_PER_PIXEL,
     independent: bool = True,
 ) -> None:
     """Refuse a precision that is too coarse for the scene, with a ValueError that says what would do.
@@ -231,7 +233,7 @@ def check_precision_of_scene(
     limit = max(SMALL_NM, WORSE * ray_noise_nm(setup, rays_per_pixel, independent))
     if found.height_nm > limit:
         enough = "fp64" if device.has_fp64 else "fp64, on a device that has double precision"
-        raise ValueError(
+        raise OptionError(
             f"--precision = {precision!r}: {source}: rounding would add {found.height_nm:.2g} nm rms to the height, "
             f"more than {limit:.2g} nm ({WORSE:g} times the ray noise, at least {SMALL_NM:g} nm); must be {enough}"
         )

@@ -18,6 +18,7 @@ from irtscots_cl.optics.pixel.response import PixelResponse
 from irtscots_cl.optics.screen_windows import Windows
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system.option_error import OptionError
 from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
 from irtscots_cl.tracing.results.transport import LineLight, ledger_from
 
@@ -65,7 +66,7 @@ def _check_closed_form(name: str, pixels: PixelResponse, fate: np.ndarray) -> No
     failed = fate == Fate.FAILED
     if failed.any() and not (fate == Fate.DETECTED).any():
         excluded = {words: int((failed & ~within).sum()) for words, within in pixels.limits().items()}
-        raise ValueError(
+        raise OptionError(
             f"scene {name}: the light of none of the {len(fate)} detector pixels on the mirror has a closed form, "
             "which --estimator analytic, --target-nm and --parts need: its limit is "
             f"{max(excluded, key=lambda words: excluded[words])}; trace rays instead: --estimator adjoint"

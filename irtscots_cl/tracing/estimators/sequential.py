@@ -23,6 +23,7 @@ from irtscots_cl.optics.screen_windows import Windows
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.scene.presets import parse_scene
 from irtscots_cl.system.memory import check_memory
+from irtscots_cl.system.option_error import OptionError
 from irtscots_cl.tracing.options import TraceOptions, check_traceable
 from irtscots_cl.tracing.packing.launch import launch_structure
 from irtscots_cl.tracing.packing.scene import Packed, pack
@@ -80,12 +81,12 @@ def _check_in_front(setup: Setup) -> None:
     ends = screen_corners(chief) if facets.is_flat else facets.points
     lowest, highest = float(ends[:, 2].min()), max(float(points[:, 2].max()), 0.0)
     if not lowest > highest:
-        raise ValueError(
+        raise OptionError(
             f"scene {setup.scene.name}: --estimator forward: pixels of the screen are at z = {lowest:.6g} mm; must be "
             f"above the whole mirror, which is up to {highest:.6g} mm high, or another --estimator"
         )
     if not facets.sees(points):
-        raise ValueError(
+        raise OptionError(
             f"scene {setup.scene.name}: --estimator forward: part of the mirror is behind the screen's plane, and its "
             "rays are aimed at the whole mirror; must be all in front of it, or another --estimator"
         )

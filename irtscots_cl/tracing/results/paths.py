@@ -46,7 +46,7 @@ class LostFlux:
     standard_error_w: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PathLight(TraceResult):
     """Result of a non-sequential trace.
 

@@ -18,12 +18,26 @@ from irtscots_cl.imaging.pictures import Pictures
 from irtscots_cl.opencl.structs import WEIGHT_ONE, Fate
 from irtscots_cl.optics.screen_windows import Windows
 from irtscots_cl.scene.model import Scene
+from irtscots_cl.system.shown import html_table, one_line
 from irtscots_cl.tracing.options import ANALYTIC, TraceOptions
 from irtscots_cl.tracing.samplers import INDEPENDENT
 
 
 class TraceResult:
     """The common part of the results of all estimators."""
+
+    __repr__ = one_line
+    _repr_html_ = html_table
+
+    def summary(self) -> dict[str, str]:
+        """Scene, estimator, rays and time."""
+        said = {"scene": self.scene.name, "estimator": self.options.estimator}
+        if self.options.estimator != ANALYTIC:
+            share = self.ledger["detected"] / max(self.rays_total, 1)
+            said |= {"rays": f"{self.rays_total:,}, {share:.1%} detected", "replicates": str(self.replicates),
+                     "sampler": self.options.sampler, "seed": str(self.options.seed),
+                     "device": str(self.device["name"])}  # fmt: skip
+        return said | {"time": f"{self.seconds['trace']:.3g} s"}
 
     @property
     def rays_total(self) -> int:
@@ -107,7 +121,7 @@ class TraceResult:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Transport(TraceResult):
     """Result of a trace. n: detector pixels that can see the mirror; windows are [rows, columns] of screen pixels.
 
@@ -167,7 +181,7 @@ class Transport(TraceResult):
         return np.sqrt(variance / (self.replicates * (self.replicates - 1)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LineLight(TraceResult):
     """Light curves of a trace that has no map of transport: of the analytic and of the smoothed estimators.
 

@@ -39,7 +39,7 @@ def test_exposure_of_the_light():
 def test_refused():
     with pytest.raises(ValueError, match="full well of 100: must be at most"):
         camera_of(None, 1e-9, electrons=200.0, full_well_e=100.0)
-    with pytest.raises(ValueError, match="--bits = 17: must be from 1 to 16"):
+    with pytest.raises(ValueError, match="bits = 17: must be from 1 to 16"):
         camera_of(None, 1e-9, bits=17)
     with pytest.raises(ValueError, match="neither read noise nor shot noise"):
         camera_of(DetectorNoise(electrons_at_peak=800.0, offset_dn=1.0), 1e-9)

@@ -137,9 +137,9 @@ def test_the_scenes_own_tables_are_used():
 @pytest.mark.parametrize(
     ("given", "text"),
     [
-        ({"frames": 5}, "--frames = 5: must be from 6"),
-        ({"limit": 0.5}, "--ambiguity = 0.5: must be above 0 and below 0.5"),
-        ({"read_noise_e": -1.0}, "--read-noise = -1: must be from 0"),
+        ({"frames": 5}, "frames = 5: must be from 6"),
+        ({"limit": 0.5}, "ambiguity = 0.5: must be above 0 and below 0.5"),
+        ({"read_noise_e": -1.0}, "read_noise = -1: must be from 0"),
         ({"electrons": 2e4, "full_well_e": 1e4}, "at most as many"),
     ],
 )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-import shutil
 import time
 
 import h5py
@@ -21,9 +20,6 @@ from irtscots_cl.report.page.drawings import bar_chart, ledger_flow, zernike_cha
 from irtscots_cl.report.tables import summary_tables
 from tests.support.synthetic import small_scene
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-QUIET = ("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-         "--disable-component-update", "--disable-sync")  # fmt: skip
 LIT_SHARE = """() => {
   const c = document.getElementById("frame"), d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
   let lit = 0;
@@ -55,17 +51,6 @@ def folder(run, parts, tmp_path_factory):
 @pytest.fixture(scope="module")
 def html(folder):
     return (folder / "report.html").read_text(encoding="utf-8")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if CHROMIUM is None:
-        pytest.skip("no chromium: install one, on Debian `apt-get install chromium`")
-    sync_api = pytest.importorskip("playwright.sync_api", reason="pip install 'irtscots-cl[test]'")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
-        yield browser
-        browser.close()
 
 
 @pytest.fixture

@@ -1,0 +1,23 @@
+"""A page from its template, its script, and the arrays that it shows."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+from typing import Any
+
+from irtscots_cl.system.atomic_files import plain
+
+
+def rendered(name: str, words: dict[str, Any], data: dict[str, Any]) -> str:
+    """The text of templates/NAME.html with report.css, maps.js, NAME.js, and data as JSON in it."""
+    import jinja2
+
+    folder = files("irtscots_cl.report") / "templates"
+    html, css, maps, script = (
+        (folder / part).read_text(encoding="utf-8") for part in (f"{name}.html", "report.css", "maps.js", f"{name}.js")
+    )
+    page = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(html)
+    # "</" would end the script element
+    text = json.dumps(plain(data), allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
+    return page.render(**words, data=text, css=css, js=maps + script)
