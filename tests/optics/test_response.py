@@ -492,6 +492,16 @@ def test_a_pixel_that_misses_the_surface_is_refused():
     assert not light.valid()[missed].any()
 
 
+@pytest.mark.parametrize(("name", "shared"), [("sphere", True), ("off-axis", False)])
+def test_axes_whose_light_needs_the_same_cells_share_them(name, shared):
+    chief, pixels = ChiefRays(load_scene(name)), np.arange(0, 125 * 125, 31)
+    together = PixelResponse.of(chief, pixels)
+    assert (together.cells("u") is together.cells("v")) == shared
+    means = together.means("xyuv")
+    for output, mean in zip("xyuv", means, strict=True):  # as of cells of its own
+        np.testing.assert_array_equal(PixelResponse.of(chief, pixels).means(output)[0], mean)
+
+
 def test_the_means_take_little_memory_beside_the_cells():
     """Of light far wider than the aperture's image: a pixel has 256 cells, whose maps would take ten times more."""
     response = setup_of(coarse("vista-secondary", 16)).pixel_response

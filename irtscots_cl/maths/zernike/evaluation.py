@@ -12,7 +12,7 @@ from irtscots_cl.maths.zernike.polynomials import broadcast_points
 from irtscots_cl.maths.zernike.series import RadialSeries
 from irtscots_cl.system import interruption
 
-_AT_ONCE = 2**10  # points evaluated at a time: all their rows stay in the cache
+_AT_ONCE = 2**11  # points evaluated at a time: fewer calls, and their rows still stay near the processor
 BANDS = 8  # intervals of r^2 for rows of different azimuthal orders
 MAX_ORDER = 30  # radial order up to which the intervals lose no more than three digits
 

@@ -10,7 +10,7 @@ closed form use this map.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 
 import numpy as np
@@ -34,6 +34,12 @@ def _design() -> np.ndarray:
 
 def _monomials(points: np.ndarray) -> np.ndarray:
     return np.prod(points[:, None, :] ** _POWERS, axis=-1)
+
+
+@lru_cache
+def _place(monomial: str) -> int:
+    """Where a monomial such as "sa" is among _POWERS."""
+    return _INDEX[tuple(monomial.count(name) for name in "stab")]
 
 
 _POINTS = _design()
@@ -87,8 +93,7 @@ class RayMap:
 
     def term(self, output: str, monomial: str = "") -> np.ndarray:
         """Coefficient [n] of an output's monomial, such as "sa" for s a."""
-        powers = tuple(monomial.count(name) for name in "stab")
-        return self.coefficient[_INDEX[powers], OUTPUTS.index(output)]
+        return self.coefficient[_place(monomial), OUTPUTS.index(output)]
 
     def centre(self, output: str, s: np.ndarray, t: np.ndarray) -> np.ndarray:
         """The output [n, ...] of the chief ray (a = b = 0) at the pixels' points s, t [n, ...]."""

@@ -33,6 +33,8 @@ POINT_STEP = 0.015  # of the same radius, between Gauss points on the rim
 CHUNK = 2**12  # cells processed at a time: their data stays in the cache
 ROUNDING = 1e-12  # of a pixel: rounding error of a difference that should be zero
 
+Kinds = tuple[np.ndarray, list[tuple[tuple[int, ...], tuple[int, ...]]]]
+
 
 @dataclass(frozen=True)
 class PixelResponse:
@@ -61,17 +63,31 @@ class PixelResponse:
         return self._cells[output]
 
     def _cut(self, output: str) -> PixelQuadrature:
-        """Cells of every pixel, of as many as its own light needs."""
-        box = self._design_boxes["uv".index(output)]
-        counts = np.stack([COUNTS[np.searchsorted(COUNTS[:-1], np.ceil(b / CELL_SIZE))] for b in box])
-        kinds, kind = np.unique(counts, axis=1, return_inverse=True)
-        parts = []
-        for k, count in enumerate(kinds.T.tolist()):
-            chosen = kind.ravel() == k
-            points = [int(np.clip(np.ceil(b[chosen].max() / POINT_STEP), 8, 64)) for b in box]
-            cut = self._cut_by_rim if self.chief.surface.outline is None else self._cut_by_outline
-            parts.append(cut(chosen, count, points))
+        """Cells of every pixel, of as many as its own light needs; those along the other axis if they are the same."""
+        kind, kinds = self._kinds[output]
+        for other, cells in list(self._cells.items()):
+            if self._kinds[other][1] == kinds and np.array_equal(self._kinds[other][0], kind):
+                return cells
+        cut = self._cut_by_rim if self.chief.surface.outline is None else self._cut_by_outline
+        parts = [cut(kind == k, list(counts), list(points)) for k, (counts, points) in enumerate(kinds)]
         return join(parts) if len(parts) > 1 else parts[0]
+
+    @cached_property
+    def _kinds(self) -> dict[str, Kinds]:
+        """Along "u" and "v": the kind [n] of each pixel, and of each kind the numbers, along s and t, of cells and of
+        Gauss points."""
+        found: dict[str, Kinds] = {}
+        for output, box in zip("uv", self._design_boxes, strict=True):
+            along_s, along_t = (np.searchsorted(COUNTS[:-1], np.ceil(b / CELL_SIZE)) for b in box)
+            code_of = along_s * len(COUNTS) + along_t
+            codes = np.flatnonzero(np.bincount(code_of))
+            kind, kinds = np.searchsorted(codes, code_of), []
+            for k, code in enumerate(codes.tolist()):
+                points = [int(np.clip(np.ceil(b[kind == k].max() / POINT_STEP), 8, 64)) for b in box]
+                counts = [int(COUNTS[place]) for place in divmod(code, len(COUNTS))]
+                kinds.append((tuple(counts), tuple(points)))
+            found[output] = kind, kinds
+        return found
 
     @cached_property
     def _design_boxes(self) -> np.ndarray:
@@ -228,27 +244,38 @@ class PixelResponse:
 
         u and v are the true centroids; x, y are the mirror point that they belong to.
         """
-        for output in outputs:
-            if output not in self._means:
-                self._means[output] = self._mean(output)
+        missing = [output for output in dict.fromkeys(outputs) if output not in self._means]
+        together: dict[int, list[str]] = {}  # of the same cells
+        for output in missing:
+            together.setdefault(id(self._cells_of(output)), []).append(output)
+        for group in together.values():
+            self._means.update(zip(group, self._means_of(group), strict=True))
         return np.stack([self._means[output] for output in outputs])
 
-    def _mean(self, output: str) -> np.ndarray:
-        cells = self.cells({"x": "u", "y": "v"}.get(output, output))
-        flux, moment = np.concatenate([self._moments(output, part) for part in cells.in_chunks(CHUNK)], axis=1)
+    def _cells_of(self, output: str) -> PixelQuadrature:
+        """The cells for an output's mean."""
+        return self.cells({"x": "u", "y": "v"}.get(output, output))
+
+    def _means_of(self, outputs: list[str]) -> list[np.ndarray]:
+        """The means [n] of outputs with the same cells."""
+        cells = self._cells_of(outputs[0])
+        flux, *moments = np.concatenate([self._moments(outputs, part) for part in cells.in_chunks(CHUNK)], axis=1)
         total = np.where(self.coverage() > 0, cells.sum(flux, len(self.pixels)), np.nan)
         with np.errstate(invalid="ignore", divide="ignore"):
-            return cells.sum(moment, len(self.pixels)) / total
+            return [cells.sum(moment, len(self.pixels)) / total for moment in moments]
 
-    def _moments(self, output: str, cells: PixelQuadrature) -> np.ndarray:
-        """The light [m] of cells, and that times its mean output, [2, m]."""
+    def _moments(self, outputs: list[str], cells: PixelQuadrature) -> np.ndarray:
+        """The light [m] of cells, and that times each of their mean outputs, [1 + outputs, m]."""
         s, t, maps = cells.s, cells.t, self.maps.part(cells.pixel)
         weight, by_s, by_t, by_a, by_b = self.weight(s, t, cells.pixel, cells.half_s, cells.half_t)
-        p, q = maps.gradient(output, "a", s, t), maps.gradient(output, "b", s, t)
-        centre = self._centre(output, maps, cells, by_s, by_t)
-        centre = centre + (maps.term(output, "aa") + maps.term(output, "bb") + by_a * p + by_b * q) / 4
-        pushed = (cells.push[0] * p + cells.push[1] * q) / 4
-        return np.stack([weight * cells.weight, weight * (cells.weight * centre + pushed)])
+        found = [weight * cells.weight]
+        for output in outputs:
+            p, q = maps.gradient(output, "a", s, t), maps.gradient(output, "b", s, t)
+            centre = self._centre(output, maps, cells, by_s, by_t)
+            centre = centre + (maps.term(output, "aa") + maps.term(output, "bb") + by_a * p + by_b * q) / 4
+            pushed = (cells.push[0] * p + cells.push[1] * q) / 4
+            found.append(weight * (cells.weight * centre + pushed))
+        return np.stack(found)
 
     def coverage(self) -> np.ndarray:
         """Share [n] of each pixel's footprint that lies on the mirror."""
