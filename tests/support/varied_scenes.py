@@ -100,8 +100,8 @@ def _with_screen(scene: Scene, chance: random.Random) -> Scene:
         lit = corner[inside]
         whole = inside[1:, 1:] & inside[:-1, :-1]
         blur = 2 * chief.rims.half_range(k)[whole]
-        spots.append(np.median(blur + np.abs(corner[1:, 1:] - corner[:-1, :-1])[whole]))
-        spans.append(np.ptp(lit) + 2.5 * blur.max())
+        spots.append(np.nanmedian(blur + np.abs(corner[1:, 1:] - corner[:-1, :-1])[whole]))
+        spans.append(np.ptp(lit) + 2.5 * np.nanmax(blur))  # NaN in a hole
         middles.append(float(np.round((lit.max() + lit.min()) / 2, 3)))
     pitch = round(max(min(spots) / chance.uniform(2, 8), max(spans) / 2000, 0.02), 3)
     pixels = tuple(int(span / pitch) + 7 for span in spans)
