@@ -18,9 +18,11 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
+from scipy.stats import f as f_ratio
 
 from irtscots_cl.imaging.fringes import FringeStack
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
+from irtscots_cl.measurement.fringe_fit import NULL, FrameFit
 from irtscots_cl.measurement.fringe_noise import estimate_noise
 from irtscots_cl.measurement.fringe_samples import FrameSamples, FringeLight, frame_samples
 from irtscots_cl.measurement.photon_transfer import PhotonTransfer, photon_transfer
@@ -34,6 +36,9 @@ PRIOR = 0.3  # standard deviation of a gain before the images say more: what the
 FALSE_ALARM = 1e-6  # chance that equal frames are found to differ
 BRIGHTNESS, LIGHT, MOTION, OTHER = "brightness", "light", "motion", "other"
 FALSE_GAINS = 1e-4  # the same of gains, which do no harm where they are divided out
+OF_ONE = 0.9  # of what gains of all frames explain beyond chance: so much by one frame's gain will do
+RIVAL = 30.0  # chi-square by which one frame must explain more than any other
+CLEAR = 0.3  # standard error of the gains over the gains' own difference, up to which they are divided out
 MODEL_GAIN = 0.001  # standard deviation: what a screen's values in whole numbers may feign
 ALONE = 0.1  # of the largest gain's difference: the others' are less where one frame differs
 LEAST = {LIGHT: 0.003, MOTION: 0.03}  # parts of the light, pixels: less is not told
@@ -42,8 +47,6 @@ OF_SERIES = 0.97  # of what gains of all frames explain: so much by one gain for
 NEARLY = 0.9  # of what changes of all frames explain: so much by one frame, or from one frame on, is the answer
 USEFUL = 0.02  # of a sample's noise, that the light of all leaves in its residual
 OUTLIER = 10.0  # times the noise's variance: a pixel at an edge
-HARMONIC = 1e-6  # the same of harmonics
-NULL = 1e-9  # of the largest eigenvalue: directions below it are not determined
 MODEL = 0.003  # of the light: what the screen's values in whole numbers and high harmonics may leave of it
 TIE = 0.95  # of what the best frame explains: another one cannot be told from it
 EXCESS = 1.3  # mean square of the residuals over that of noise, below which nothing is left to explain
@@ -73,7 +76,8 @@ class FrameFactors:
     that of noise, as recorded and with the gains divided out; NaN where too few pixels tell. residual: rms of what is
     then not noise, over the screen's mean light. at_zero: [N] share of the samples that are 0 in whole numbers. white:
     share of the pixels that are brighter in fringes than in the white image; dark: darker than in the dark one.
-    transfer: noise against light, from differences of neighbours."""
+    undecided: whether frames differ beyond chance, by gains that are known too badly to divide by. transfer: noise
+    against light, from differences of neighbours."""
 
     gains: FloatArray
     gain_error: FloatArray
@@ -83,6 +87,7 @@ class FrameFactors:
     at_zero: FloatArray = field(repr=False)
     white: float = 0.0
     dark: float = 0.0
+    undecided: bool = False
     transfer: PhotonTransfer | None = field(default=None, repr=False)
 
     @property
@@ -119,7 +124,7 @@ def frame_factors(stack: FringeStack, mask: BoolArray, steps_rad: Sequence[Float
     if noise is None:
         return unknown
     sigma, transfer = noise
-    gains, error, brightness, before, after = _believed_gains(light, samples, sigma)
+    gains, error, brightness, undecided, before, after = _believed_gains(light, samples, sigma)
     changes = [] if brightness is None else [brightness]
     if not np.array_equal(gains, np.ones(count)):
         again = _sigma(light, samples.divided(gains))
@@ -134,6 +139,7 @@ def frame_factors(stack: FringeStack, mask: BoolArray, steps_rad: Sequence[Float
         changes=tuple(changes),
         excess=(before.excess, after.excess),
         residual=math.sqrt(over) / samples.mean_light,
+        undecided=undecided,
         transfer=transfer,
     )
 
@@ -190,78 +196,30 @@ def _sigma(light: FringeLight, samples: FrameSamples) -> tuple[FloatArray, Photo
     return np.sqrt(variance), photon_transfer(squares[:, within].ravel(), seen[:, within].ravel(), independent)
 
 
-def _shares(shapes: list[FloatArray], left: FloatArray) -> FloatArray:
-    """Least squares of what is left [N, n] by shapes [N, n]; 0 for those that are nothing."""
-    matrix = np.array([[float((a * b).sum()) for b in shapes] for a in shapes]).reshape(len(shapes), len(shapes))
-    right = np.array([float((a * left).sum()) for a in shapes])
-    if not shapes or not matrix.any():
-        return np.zeros(len(shapes))
-    found: FloatArray = np.linalg.pinv(matrix, rcond=HARMONIC, hermitian=True) @ right
-    return found
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """Of samples in units of their noise, gains divided out: values, what the light leaves, the harmonics' shares."""
-
-    light: FringeLight
-    values: FloatArray
-    left: FloatArray
-    harmonics: tuple[FloatArray, ...]  # R v / sigma of each
-    square: float
-
-    @classmethod
-    def of(cls, light: FringeLight, samples: FrameSamples, sigma: FloatArray, gains: FloatArray) -> _Fit:
-        values = samples.divided(gains).values
-        left = light.rest @ values / sigma
-        shapes = [light.rest @ shape / sigma for shape in light.harmonics(values)]
-        shapes = [shape for shape in shapes if np.square(shape).sum() > 1e-6 * np.square(values / sigma).sum()]
-        size = _shares(shapes, left)
-        for share, shape in zip(size, shapes, strict=True):
-            left = left - share * shape
-        return cls(light, values, left, tuple(shapes), float(np.square(left).sum()))
-
-    @property
-    def freedom(self) -> float:
-        return float(self.light.freedom * self.left.shape[1] - len(self.harmonics))
-
-    @property
-    def excess(self) -> float:
-        return self.square / self.freedom
-
-    def explained(self, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Normal equations [K N, K N] and right sides of a change in each frame, harmonics eliminated. shapes: [K, N,
-        n] in units of noise, what it adds to each frame."""
-        kinds, count, _ = shapes.shape
-        rest = self.light.rest
-        normal = np.einsum("kfn,lgn,fg->kflg", shapes, shapes, rest, optimize=True).reshape(kinds * count, -1)
-        right = np.einsum("kfn,fn->kf", shapes, self.left).ravel()
-        if self.harmonics:
-            cross = np.stack([np.einsum("kfn,fn->kf", shapes, h).ravel() for h in self.harmonics], -1)
-            own = np.array([[float((a * b).sum()) for b in self.harmonics] for a in self.harmonics])
-            normal = normal - cross @ np.linalg.pinv(own, rcond=NULL, hermitian=True) @ cross.T
-        return normal, right
-
-
 def _gains(
     light: FringeLight, samples: FrameSamples, sigma: FloatArray, groups: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Gains [N], their median 1, and their standard errors. groups: [N, q] frames with a gain in common."""
-    gains = np.ones(len(light.basis))
+    """Gains [N], their median 1, and the covariance [N, N] of their logarithms without what is common to all. groups:
+    [N, q] frames with a gain in common."""
+    count = len(light.basis)
+    gains = np.ones(count)
     for _ in range(ROUNDS):
         interruption.check()
-        fit = _Fit.of(light, samples, sigma, gains)
-        shapes = ((light.part(fit.values) - samples.dark) / sigma)[None]
-        normal, right = fit.explained(shapes)
-        inner = np.linalg.inv(groups.T @ normal @ groups + np.eye(groups.shape[1]) / PRIOR**2)
-        covariance = groups @ inner @ groups.T
-        change = np.clip(covariance @ right, -0.5, 1.0)
+        fit = FrameFit.of(light, samples, sigma, gains)
+        normal, scores = fit.by_instrument(samples.divided(gains), sigma)
+        normal, scores = groups.T @ normal @ groups, groups.T @ scores
+        # by chance directions that are not determined may have the wrong sign
+        damping = 1 / PRIOR**2 + 2 * max(0.0, -float(np.linalg.eigvalsh((normal + normal.T) / 2)[0]))
+        inner = groups @ np.linalg.inv(normal + damping * np.eye(groups.shape[1]))
+        change = np.clip(inner @ scores.sum(1), -0.5, 1.0)
         gains = gains * (1 + change)
         gains = np.clip(gains / np.median(gains), *LIMITS)
         if np.abs(change - change.mean()).max() < SETTLED:
             break
-    whole = np.eye(len(gains)) - 1 / len(gains)  # a common gain is the light's
-    return gains, np.hypot(np.sqrt(np.diagonal(whole @ covariance @ whole)), MODEL_GAIN)
+    whole = np.eye(count) - 1 / count  # a common gain is the light's
+    # the scores' own scatter, as noise is not the same in bright and dark frames, and what damping keeps of PRIOR
+    spread = inner @ (scores @ scores.T + (damping * PRIOR) ** 2 * np.eye(groups.shape[1])) @ inner.T
+    return gains, whole @ (spread + MODEL_GAIN**2 * np.eye(count)) @ whole
 
 
 def _hypotheses(count: int) -> Iterator[tuple[int, bool, FloatArray]]:
@@ -274,39 +232,64 @@ def _hypotheses(count: int) -> Iterator[tuple[int, bool, FloatArray]]:
 
 def _believed_gains(
     light: FringeLight, samples: FrameSamples, sigma: FloatArray
-) -> tuple[FloatArray, FloatArray, FrameChange | None, _Fit, _Fit]:
-    """Gains [N] to divide by, their errors, what they say, and the fits as recorded and with the gains divided out."""
+) -> tuple[FloatArray, FloatArray, FrameChange | None, bool, FrameFit, FrameFit]:
+    """Gains [N] to divide by, their errors, what they say, whether more differ than can be told, and the fits as
+    recorded and with the gains divided out."""
     count = len(light.basis)
-    gains, error = _gains(light, samples, sigma, np.eye(count))
-    before = _Fit.of(light, samples, sigma, np.ones(count))
-    after = _Fit.of(light, samples, sigma, gains)
+    gains, covariance = _gains(light, samples, sigma, np.eye(count))
+    before = FrameFit.of(light, samples, sigma, np.ones(count))
+    after = FrameFit.of(light, samples, sigma, gains)
     if after.excess > EXCESS:
         # more than brightness has changed, which may look like gains within a series: those would move its phases
         of_series = np.repeat(np.eye(len(light.steps)), np.diff(light.ends), axis=0)
-        common, _ = _gains(light, samples, sigma, of_series)
-        instead = _Fit.of(light, samples, sigma, common)
+        common, of_common = _gains(light, samples, sigma, of_series)
+        instead = FrameFit.of(light, samples, sigma, common)
         if before.square - instead.square > OF_SERIES * (before.square - after.square):
-            gains, after = common, instead
-    brightness = _brightness(before, after, gains, error)
+            gains, covariance, after = common, of_common, instead
+    error = np.sqrt(np.diagonal(covariance))
+    brightness = _brightness(before, after, gains, covariance)
+    beyond = _chance(np.log(gains), covariance, samples.values.shape[1]) < FALSE_GAINS
+    undecided = brightness is None and beyond and after.excess < EXCESS
+    if brightness is None and beyond:
+        # beyond chance, but known badly if each frame may have its own: does one frame explain it?
+        alone = _one_frame(before, samples, sigma)
+        if alone is not None:
+            one, of_one = _gains(light, samples, sigma, np.eye(count)[:, [alone]])
+            instead = FrameFit.of(light, samples, sigma, one)
+            if before.square - instead.square > OF_ONE * (before.square - after.square - light.freedom):
+                gains, after = one, instead
+                brightness = _brightness(before, after, gains, of_one)
+                undecided = brightness is None and undecided
     if brightness is not None and after.excess > EXCESS:
         rival = _other_change(before, samples, sigma, np.ones(count))
         if rival is not None and rival.kind != OTHER and rival.explained > brightness.explained:
             brightness = None
     if brightness is None:
-        return np.ones(count), error, None, before, before
-    return gains, error, brightness, before, after
+        return np.ones(count), error, None, undecided, before, before
+    return gains, error, brightness, False, before, after
 
 
-def _brightness(before: _Fit, after: _Fit, gains: FloatArray, error: FloatArray) -> FrameChange | None:
-    """None where the gains are those of equal frames, or do not explain what noise leaves."""
+def _one_frame(fit: FrameFit, samples: FrameSamples, sigma: FloatArray) -> int | None:
+    """The frame whose gain explains most; None if another one explains as much."""
+    normal, scores = fit.by_instrument(samples, sigma)
+    own = np.maximum(np.diagonal(normal), 1 / PRIOR**2)
+    gained = np.square(scores.sum(1)) / own
+    second, first = np.sort(gained)[-2:]
+    return int(np.argmax(gained)) if first - second > RIVAL else None
+
+
+def _brightness(before: FrameFit, after: FrameFit, gains: FloatArray, covariance: FloatArray) -> FrameChange | None:
+    """None where the gains are those of equal frames, or do not explain what noise leaves, or are known so badly that
+    dividing by them would do harm."""
     gained = before.square - after.square
     over = before.square - before.freedom
     if not gained > MOST * over or gains.min() < 1.01 * LIMITS[0] or gains.max() > 0.99 * LIMITS[1]:
         return None  # a gain at its limit: a frame without its light
     off = np.log(gains)
-    sigmas = np.abs(off) / error
-    chance = min(float(chi2.sf(np.square(sigmas).sum(), len(gains) - 1)), 2 * len(gains) * float(norm.sf(sigmas.max())))
-    if chance > FALSE_GAINS:
+    if _chance(off, covariance, before.left.shape[1]) > FALSE_GAINS:
+        return None
+    own = off - off.mean()
+    if np.trace(covariance) > CLEAR**2 * float(own @ own):
         return None
     worst = int(np.argmax(np.abs(off)))
     alone = np.delete(np.abs(off), worst).max() < ALONE * abs(off[worst])
@@ -314,7 +297,18 @@ def _brightness(before: _Fit, after: _Fit, gains: FloatArray, error: FloatArray)
     return FrameChange(BRIGHTNESS, worst if alone else -1, False, float(gains[worst]), share)
 
 
-def _other_change(fit: _Fit, samples: FrameSamples, sigma: FloatArray, gains: FloatArray) -> FrameChange | None:
+def _chance(off: FloatArray, covariance: FloatArray, pixels: int) -> float:
+    """That equal frames give such logarithms of gains [N]: of all together, and of the largest alone. The covariance
+    is one that so many pixels tell."""
+    freedom = len(off) - 1
+    own = off - off.mean()
+    square = float(own @ np.linalg.pinv(covariance, rcond=NULL, hermitian=True) @ own)
+    together = float(f_ratio.sf(square * (pixels - freedom) / (freedom * (pixels - 1)), freedom, pixels - freedom))
+    largest = float((np.abs(off) / np.sqrt(np.diagonal(covariance))).max())
+    return min(together, 2 * len(off) * float(norm.sf(largest))) if pixels > freedom else 1.0
+
+
+def _other_change(fit: FrameFit, samples: FrameSamples, sigma: FloatArray, gains: FloatArray) -> FrameChange | None:
     """The likeliest change beside gains, if what is left is more than noise."""
     over = fit.square - fit.freedom
     if fit.excess < EXCESS or over / fit.freedom * np.mean(sigma**2) < (MODEL * samples.mean_light) ** 2:
@@ -324,7 +318,9 @@ def _other_change(fit: _Fit, samples: FrameSamples, sigma: FloatArray, gains: Fl
     return _free(fit) if best is None else best
 
 
-def _linear(kind: str, fit: _Fit, samples: FrameSamples, sigma: FloatArray, gains: FloatArray) -> FrameChange | None:
+def _linear(
+    kind: str, fit: FrameFit, samples: FrameSamples, sigma: FloatArray, gains: FloatArray
+) -> FrameChange | None:
     """A change of light or of the camera's place, if that explains most of what is left."""
     over = fit.square - fit.freedom
     count = len(gains)
@@ -361,7 +357,7 @@ def _linear(kind: str, fit: _Fit, samples: FrameSamples, sigma: FloatArray, gain
     return FrameChange(kind, first, stays, size, min(most / over, 1.0), tuple(ties), of_light)
 
 
-def _free(fit: _Fit) -> FrameChange | None:
+def _free(fit: FrameFit) -> FrameChange | None:
     """A frame that is unlike the others, or from which on all are, in any way: fits without it, or of both parts."""
     count, over = len(fit.light.basis), fit.square - fit.freedom
     tried = []

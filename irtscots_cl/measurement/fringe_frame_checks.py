@@ -75,6 +75,12 @@ def check_brightness(factors: FrameFactors, series: list[int], name: Name) -> Ch
     largest = float(off.max())
     error = float(factors.gain_error.max())
     known = f"known to {error:.1g}" if error < GAIN else f"known only to {error:.1g}: too few pixels or series tell"
+    if factors.undecided:
+        text = (
+            "the frames differ in brightness, but too few pixels or series tell by how much: "
+            f"known only to {error:.1g}, not divided out; keep screen and exposure steady, or take more steps"
+        )
+        return Check("brightness", WARNING, largest, GAIN, FALSE_ALARM, text)
     if largest <= GAIN:
         done = f"differ by up to {largest:.2%}, which is divided out" if factors.divided else "are equally bright"
         level = OK if error < GAIN else WARNING

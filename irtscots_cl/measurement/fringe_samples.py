@@ -23,10 +23,11 @@ BEYOND = 0.25  # of the fringes' swing: noise hardly makes a sample brighter tha
 
 @dataclass(frozen=True)
 class FrameSamples:
-    """values, along_x, along_y: [N, n] samples and half differences of their neighbours; dark, column, row: [n];
-    inside: [n] on the mirror. at_zero, white, black: as FrameFactors.at_zero, white, dark."""
+    """values, around, along_x, along_y: [N, n] samples, means of their four neighbours, half differences of them; dark,
+    column, row: [n]; inside: [n] on the mirror. at_zero, white, black: as FrameFactors.at_zero, white, dark."""
 
     values: FloatArray
+    around: FloatArray
     along_x: FloatArray
     along_y: FloatArray
     dark: FloatArray
@@ -40,8 +41,8 @@ class FrameSamples:
     def divided(self, gains: FloatArray) -> FrameSamples:
         """With the light of the frames divided by gains [N]."""
         by = gains[:, None]
-        values = self.dark + (self.values - self.dark) / by
-        return replace(self, values=values, along_x=self.along_x / by, along_y=self.along_y / by)
+        values, around = (self.dark + (part - self.dark) / by for part in (self.values, self.around))
+        return replace(self, values=values, around=around, along_x=self.along_x / by, along_y=self.along_y / by)
 
     @property
     def mean_light(self) -> float:
@@ -122,19 +123,20 @@ def frame_samples(stack: FringeStack, mask: BoolArray) -> FrameSamples:
                 around = [np.asarray(flat[pixels + step], float) for step in (0, 1, -1, columns, -columns)]
                 for values in around:
                     complete &= np.isfinite(values) & (values < stack.saturation)
-                rows.append((around[0], (around[1] - around[2]) / 2, (around[3] - around[4]) / 2))
+                mean = sum(around[1:]) / 4
+                rows.append((around[0], mean, (around[1] - around[2]) / 2, (around[3] - around[4]) / 2))
                 zero.append(np.mean(around[0][inside] <= 0) if image.dtype.kind in "iu" and inside.any() else 0.0)
                 most, least = np.fmax(most, around[0]), np.fmin(least, around[0])
     dark = np.zeros(len(pixels)) if stack.dark is None else np.asarray(stack.dark, float).ravel()[pixels]
     row, column = np.divmod(pixels, columns)
-    values, along_x, along_y = (np.stack(part)[:, complete] for part in zip(*rows, strict=True))
+    values, beside, along_x, along_y = (np.stack(part)[:, complete] for part in zip(*rows, strict=True))
     clear = inside & (most < stack.saturation) & np.isfinite(most)
     swing = most - least
     white = 0.0 if stack.white is None else _share(clear, np.asarray(stack.white, float).ravel()[pixels] - most, swing)
     black = 0.0 if stack.dark is None else _share(clear, least - dark, swing)
     place = column[complete].astype(float), row[complete].astype(float)
     return FrameSamples(
-        values, along_x, along_y, dark[complete], *place, inside[complete], np.array(zero), white, black
+        values, beside, along_x, along_y, dark[complete], *place, inside[complete], np.array(zero), white, black
     )
 
 

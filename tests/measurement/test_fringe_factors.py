@@ -36,6 +36,38 @@ def test_gains_are_found_with_their_errors(gamma):
     assert 0.2 < pulls.var() < 1.7
 
 
+def test_noise_is_no_gain_where_pixels_see_nearly_the_same_phase():
+    """The light's own noise, in both sides of the equations, does not fall with the number of pixels."""
+    for seed in range(6):
+        found = frame_factors(fringe_stack(seed=seed, seen=0.3), disk())
+        assert not found.divided and found.changes == () and not found.undecided
+
+
+def test_gains_of_a_narrow_range_of_phases_are_told_or_left_alone():
+    """One frame's gain explains all: it is divided out. Those of all frames are too uncertain: said, and left."""
+    gains = np.ones(COUNT)
+    gains[5] = 0.9
+    for seed in range(3):
+        found = frame_factors(fringe_stack(seed=seed, seen=0.2, gains=gains), disk())
+        assert found.gains == pytest.approx(gains, abs=0.004) and found.changes[0].first == 5
+        uneven = np.random.default_rng(50 + seed).normal(1, 0.03, COUNT)
+        found = frame_factors(fringe_stack(seed=seed, seen=0.2, gains=uneven), disk())
+        assert not found.divided and found.undecided and found.gain_error.max() > 0.05
+
+
+def test_gains_are_unbiased_where_little_tells_them():
+    """Mean over 12 seeds of 16 gains, in its own standard errors; the light's noise in both sides moved it by 5."""
+    pulls = []
+    for seed in range(12):
+        gains = np.where(np.arange(COUNT) % 2, 0.8, 1.2)
+        found = frame_factors(fringe_stack(seed=seed, seen=0.4, gains=gains), disk())
+        assert found.divided
+        off = np.log(found.gains / gains)
+        pulls.append((off - off.mean()) / found.gain_error)
+    pulls = np.array(pulls)
+    assert np.abs(pulls.mean(0)).max() < 4.0 / np.sqrt(12) and 0.2 < pulls.var() < 1.7
+
+
 def test_divided_frames_are_equal_again_and_saturated_samples_are_none():
     gains = np.ones(COUNT)
     gains[5] = 0.5
