@@ -289,7 +289,7 @@ def _brightness(before: FrameFit, after: FrameFit, gains: FloatArray, covariance
     if _chance(off, covariance, before.left.shape[1]) > FALSE_GAINS:
         return None
     own = off - off.mean()
-    if np.trace(covariance) > CLEAR**2 * float(own @ own):
+    if np.trace(covariance) - (len(off) - 1) * MODEL_GAIN**2 > CLEAR**2 * float(own @ own):
         return None
     worst = int(np.argmax(np.abs(off)))
     alone = np.delete(np.abs(off), worst).max() < ALONE * abs(off[worst])
