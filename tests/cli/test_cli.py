@@ -315,7 +315,7 @@ def test_reconstruct_finds_in_a_run_s_images_what_the_run_found(irtscots, finish
     )
     assert code == 0 and only_warnings(err)
     folder = here / "irtscots-out" / "sphere-deviated-measured"
-    assert everything_in(folder) == [*FILES[:4], "result.h5"]
+    assert everything_in(folder) == [*FILES, "scene.toml"]
     with h5py.File(finished / "out" / "result.h5") as run, h5py.File(folder / "result.h5") as again:
         for name in ("deviation_nm", "slope/x_rad", "centroid/y_mm"):
             np.testing.assert_allclose(

@@ -104,7 +104,7 @@ LAUNCH = ("irtscots_cl.execution.device_tracer", "DeviceTracer.launch")
         (REVERSE, 2, []),
         (("irtscots_cl.execution.device_tracer", "DeviceTracer.__init__"), 1, []),
         (("irtscots_cl.execution.device_tracer", "DeviceTracer.launch"), 2, None),
-        (("irtscots_cl.measurement.reconstruction", "integrate"), 1, []),
+        (("irtscots_cl.measurement.surface_heights", "integrate"), 1, []),
         (("irtscots_cl.pipeline.simulate", "compare"), 1, []),
         (RESULT, 3, ["figures"]),
         (("irtscots_cl.report.figures", "height_figure"), 1, ["figures", "result.h5"]),

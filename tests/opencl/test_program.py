@@ -223,19 +223,14 @@ def test_no_kernel_file_is_dead():
     for probe, choices in itertools.product(("meet", "adjoint", "forward"), all_choices()):
         used |= set(compose(f"probe_{probe}.cl", choices, STRUCTS, "fp32", 8).files)
     for *members, light in itertools.product(*PATH_FAMILIES.values(), LIGHT_FAMILIES["light"]):
-        choices = dict(zip(PATH_FAMILIES, members, strict=True)) | {
-            "sampler": "philox",
-            "zernike": "power",
-            **PLAIN,
-            **NO_DEPARTURE,
-        }
+        choices = next(all_choices()) | dict(zip(PATH_FAMILIES, members, strict=True))
         choices |= dict.fromkeys(LIGHT_FAMILIES, light)
         first = [name for name in kernel_files() if name.startswith("interact_")]
         first += ["element_deviated.cl", *(name for name in kernel_files() if name.startswith("scatter_"))]
         first += ["tally_random.cl" if choices["branch"] == "random" else "tally_split.cl"]
         used |= set(compose("trace_paths.cl", choices, STRUCTS, "fp32", 8, first=first).files)
     used |= set(compose("multiply_add.cl", {}, STRUCTS, "fp32", 8).files)  # the benchmark's own
-    for entry in ("probe_sums", "self_test"):
+    for entry in ("probe_sums", "self_test", "speed_test"):
         used |= set(compose(f"{entry}.cl", {}, STRUCTS, "fp32", 8).files)
     assert used == set(kernel_files())
 
