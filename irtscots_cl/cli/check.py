@@ -86,10 +86,11 @@ def _execute(options: argparse.Namespace) -> int:
 def _refused(options: argparse.Namespace, error: SceneError) -> int:
     """Say why a scene file is refused, if a number in the wrong unit explains it; else raise the error."""
     from irtscots_cl.planning.unreadable import explain
+    from irtscots_cl.report.scene_check import finding_data, finding_lines
 
     found = explain(Path(options.scene), error)
     if options.json:
-        print_json({"findings": [{"code": one.code, "level": one.level, "text": one.text} for one in found]})
+        print_json({"findings": finding_data(found)})
     else:
-        print("\n".join(f"{one.level}: {one.code}: {one.text}" for one in found))
+        print("\n".join(finding_lines(found)))
     return EXIT_BAD_INPUT

@@ -107,6 +107,4 @@ def pixel_centres(chief: ChiefRays) -> tuple[np.ndarray, np.ndarray]:
     screen = chief.scene.screen
     columns, rows = screen.pixels
     row, column = np.divmod(np.arange(rows * columns), columns)
-    x = (column - (columns - 1) / 2) * screen.pitch_xy_mm[0] + screen.centre_offset_mm[0]
-    y = (row - (rows - 1) / 2) * screen.pitch_xy_mm[1] + screen.centre_offset_mm[1]
-    return x, y
+    return screen.places_mm(column, row)

@@ -165,9 +165,7 @@ def _standard(focal_mm: float) -> float:
 def _around(scene: Scene, sight: Sight) -> Scene:
     """The scene whose screen is as large as the light, and where it lands."""
     screen, frame = scene.screen, screen_frame(scene.screen)
-    middle = [(at - (count - 1) / 2) * screen.pitch_xy_mm[0]
-              for at, count in zip(sight.spot_centre_px, screen.pixels, strict=True)]  # fmt: skip
-    place = frame.to_world(*middle)
+    place = frame.to_world(*screen.places_mm(*sight.spot_centre_px))
     pixels = tuple(2 * math.ceil(max(LIGHT_MARGIN * px + 2, LEAST_PX) / 2) for px in sight.spot_px)
     x, y, z = (round(float(v), 2) + 0.0 for v in place)
     return replace(scene, screen=replace(screen, position_mm=(x, y, z), look_at_mm=(x, y, 0.0), pixels=pixels))

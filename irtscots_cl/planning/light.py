@@ -64,9 +64,7 @@ def _even(pixels: float) -> int:
 
 def _offset(sight: Sight) -> list[float]:
     """Where the light's middle is in the screen's x, y, in mm."""
-    screen = sight.scene.screen
-    grid = zip(sight.spot_centre_px, screen.pixels, screen.pitch_xy_mm, screen.centre_offset_mm, strict=True)
-    return [round(offset + (at - (count - 1) / 2) * pitch, 2) for at, count, pitch, offset in grid]
+    return [round(place, 2) for place in sight.scene.screen.places_mm(*sight.spot_centre_px)]
 
 
 def _gathers(sight: Sight) -> str:

@@ -48,6 +48,11 @@ def works(scene: Scene, filled: bool = False) -> bool:
     return all(size >= FILLED * count for pair, counts in sizes for size, count in zip(pair, counts, strict=True))
 
 
+def looks_like(key: str, value: float, what: str, right: float) -> str:
+    """What is said of a number with which the light lands once it is put right."""
+    return f"{key} = {value:g} looks like a number {what}: with {right:g} the light lands"
+
+
 def _undone(scene: Scene) -> Iterator[tuple[Finding, Scene]]:
     """What is to be said of each mistake, and the scene without it."""
     mirror, screen, camera = scene.mirror, scene.screen, scene.camera
@@ -55,7 +60,7 @@ def _undone(scene: Scene) -> Iterator[tuple[Finding, Scene]]:
     if not mirror.is_flat:
         for code, factor, what in RADII:
             right = mirror.radius_mm * factor
-            text = f"mirror.radius_mm = {mirror.radius_mm:g} looks like a number {what}: with {right:g} the light lands"
+            text = looks_like("mirror.radius_mm", mirror.radius_mm, what, right)
             yield from _one(code, text, scene, mirror={"radius_mm": right})
     place = {"position_mm": screen.position_mm, "look_at_mm": screen.look_at_mm}
     other = {"position_mm": camera.position_mm, "look_at_mm": camera.look_at_mm}
@@ -89,7 +94,7 @@ def _pitches(scene: Scene) -> Iterator[tuple[Finding, Scene]]:
         for factor, what in ((1e-3, "in micrometres"), (1e3, "in metres"), (25.4, "in inches")):
             if pitch * factor > coarsest:
                 continue
-            text = f"{name}.pitch_mm = {pitch:g} looks like a number {what}: with {pitch * factor:g} the light lands"
+            text = looks_like(f"{name}.pitch_mm", pitch, what, pitch * factor)
             yield from _one(f"{key}-pitch-unit", text, scene, **{key: {"pitch_mm": pitch * factor}})
 
 

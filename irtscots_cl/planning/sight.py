@@ -48,8 +48,9 @@ class Sight:
         _, u, v = chief.reverse(row, column)
         a, b = (scene.camera.aperture_diameter_mm / 2 * RIM).T
         _, rim_u, rim_v = chief.reverse(row[:, None], column[:, None], a, b)
-        columns, rows = _on_grid(scene, u, v)
-        return cls(scene, chief, x, y, row, column, rows, columns, *reversed(_on_grid(scene, rim_u, rim_v)))
+        columns, rows = scene.screen.pixels_at(u, v)
+        rim_columns, rim_rows = scene.screen.pixels_at(rim_u, rim_v)
+        return cls(scene, chief, x, y, row, column, rows, columns, rim_rows, rim_columns)
 
     @property
     def detected(self) -> BoolArray:
@@ -97,13 +98,6 @@ def mirror_points(scene: Scene, chief: ChiefRays) -> tuple[FloatArray, FloatArra
     x, y = (radius[:, None] * np.cos(turn)).ravel(), (radius[:, None] * np.sin(turn)).ravel()
     on = chief.surface.contains(x, y)
     return (x[on], y[on]) if on.any() else (np.zeros(1), np.zeros(1))
-
-
-def _on_grid(scene: Scene, u_mm: FloatArray, v_mm: FloatArray) -> list[FloatArray]:
-    """Fractional (columns, rows) of the screen at places (u, v)."""
-    screen = scene.screen
-    grid = zip((u_mm, v_mm), screen.centre_offset_mm, screen.pitch_xy_mm, screen.pixels, strict=True)
-    return [(at - offset) / pitch + (count - 1) / 2 for at, offset, pitch, count in grid]
 
 
 def _inside(column: FloatArray, row: FloatArray, pixels: tuple[int, int]) -> BoolArray:

@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 
 from irtscots_cl.planning.finding import Finding
-from irtscots_cl.planning.mistakes import RADII, works
+from irtscots_cl.planning.mistakes import RADII, looks_like, works
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.validation import SceneError
 
@@ -25,8 +25,7 @@ def explain(path: Path, error: SceneError) -> list[Finding]:
         except ValueError:
             continue
         if works(scene):
-            text = f"mirror.radius_mm = {radius:g} looks like a number {what}: with {radius * factor:g} the light lands"
-            found.append(Finding(code, "error", text))
+            found.append(Finding(code, "error", looks_like("mirror.radius_mm", radius, what, radius * factor)))
     if not found:
         raise error
     return [*found, Finding("scene-refused", "error", str(error))]

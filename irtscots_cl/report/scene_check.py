@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from irtscots_cl.planning.check import SceneCheck
+from irtscots_cl.planning.finding import Finding
+
+
+def finding_data(findings: Iterable[Finding]) -> list[dict[str, str]]:
+    """Findings as plain data."""
+    return [{"code": one.code, "level": one.level, "text": one.text} for one in findings]
+
+
+def finding_lines(findings: Iterable[Finding]) -> list[str]:
+    """A line for each finding."""
+    return [f"{one.level}: {one.code}: {one.text}" for one in findings]
 
 
 def check_data(found: SceneCheck) -> dict[str, Any]:
@@ -15,7 +27,7 @@ def check_data(found: SceneCheck) -> dict[str, Any]:
         "measured_share": found.measured,
         "mirror_image_px": list(sight.image_px),
         "light_on_screen_px": list(sight.spot_px),
-        "findings": [{"code": one.code, "level": one.level, "text": one.text} for one in found.findings],
+        "findings": finding_data(found.findings),
     }
 
 
@@ -28,6 +40,6 @@ def check_lines(found: SceneCheck) -> list[str]:
         f"{sight.scene.name}: {found.measured:.0%} of the mirror is seen and lit; its image is {image} of "
         f"{detector[0]} x {detector[1]} detector pixels, its light {light} of {screen[0]} x {screen[1]} screen pixels"
     ]
-    lines += [f"{one.level}: {one.code}: {one.text}" for one in found.findings]
+    lines += finding_lines(found.findings)
     bad = [one for one in found.findings if one.level != "info"]
     return [*lines, "nothing wrong found" if not bad else "docs/checks.md explains each code"]

@@ -1,4 +1,4 @@
-"""A drawing of a set-up to scale, with traced rays: from the side, from above, and the devices seen from the mirror."""
+"""A drawing of a set-up to scale, with traced rays: from the side, from the end, and the light on the screen."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.optics.screen_model import ScreenModel
 from irtscots_cl.planning.sight import Sight
+from irtscots_cl.scene.instrument import Screen
 
 RAYS = 9  # drawn in each view
 LIGHT, VIEW, GLASS = "#d55e00", "#0072b2", "#444444"  # colours that all eyes tell apart (Okabe, Ito)
@@ -38,11 +39,11 @@ def draw_view(axes: Axes, sight: Sight, k: int) -> None:
     chosen = chosen[np.argsort(at[chosen])]
     chosen = chosen[np.unique(np.linspace(0, max(len(chosen) - 1, 0), RAYS).astype(int))] if len(chosen) else chosen
     points = np.stack([sight.x_mm, sight.y_mm, surface.sag(sight.x_mm, sight.y_mm)], -1)
-    landing = _screen_points(sight)
+    landing = _world(scene.screen, sight.screen_column, sight.screen_row)
     for n in chosen:
         for to, colour in ((landing[n], LIGHT), (np.array(scene.camera.position_mm), VIEW)):
             axes.plot([points[n, k], to[k]], [points[n, 2], to[2]], color=colour, lw=0.6, alpha=0.8)
-    corners = _corners(sight)
+    corners = _world(scene.screen, *_outline(scene.screen))
     axes.plot(corners[:, k], corners[:, 2], color=LIGHT, lw=2.5, label="screen")
     camera = scene.camera.position_mm
     axes.plot([camera[k]], [camera[2]], "s", color=VIEW, ms=6, label="camera")
@@ -52,30 +53,20 @@ def draw_view(axes: Axes, sight: Sight, k: int) -> None:
 
 def _draw_screen(axes: Axes, sight: Sight) -> None:
     """Where the light falls on the screen's pixels, as seen from the mirror's side in the screen's own axes."""
-    screen = sight.scene.screen
-    columns, rows = screen.pixels
-    axes.plot(np.array([-0.5, columns - 0.5, columns - 0.5, -0.5, -0.5]),
-              np.array([-0.5, -0.5, rows - 0.5, rows - 0.5, -0.5]), color=GLASS, label="screen's pixels")  # fmt: skip
+    axes.plot(*_outline(sight.scene.screen), color=GLASS, label="screen's pixels")
     axes.plot(sight.rim_columns.ravel(), sight.rim_rows.ravel(), ".", color=LIGHT, ms=1, alpha=0.5)
     axes.plot(sight.screen_column, sight.screen_row, ".", color=LIGHT, ms=3, label="light of the mirror's points")
     axes.set(aspect="equal", xlabel="screen column", ylabel="screen row", title="light on the screen")
     axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
 
 
-def _screen_points(sight: Sight) -> FloatArray:
-    """World points [n, 3] where the chief rays meet the screen."""
-    return _world(sight, sight.screen_column, sight.screen_row)
+def _outline(screen: Screen) -> FloatArray:
+    """Columns and rows [2, 5] of the grid's corners, once around."""
+    columns, rows = screen.pixels
+    right, top = columns - 0.5, rows - 0.5
+    return np.array([[-0.5, right, right, -0.5, -0.5], [-0.5, -0.5, top, top, -0.5]])
 
 
-def _corners(sight: Sight) -> FloatArray:
-    """World points [5, 3] of the screen's corners, once around."""
-    columns, rows = sight.scene.screen.pixels
-    column = np.array([-0.5, columns - 0.5, columns - 0.5, -0.5, -0.5])
-    return _world(sight, column, np.array([-0.5, -0.5, rows - 0.5, rows - 0.5, -0.5]))
-
-
-def _world(sight: Sight, column: FloatArray, row: FloatArray) -> FloatArray:
-    screen = sight.scene.screen
-    grid = zip((column, row), screen.pixels, screen.pitch_xy_mm, screen.centre_offset_mm, strict=True)
-    u, v = ((at - (count - 1) / 2) * pitch + offset for at, count, pitch, offset in grid)
-    return ScreenModel.of(screen).to_world(u, v)
+def _world(screen: Screen, column: FloatArray, row: FloatArray) -> FloatArray:
+    """World points [n, 3] of fractional pixels."""
+    return ScreenModel.of(screen).to_world(*screen.places_mm(column, row))

@@ -75,6 +75,18 @@ class Screen:
         """Area of a pixel on the grid in mm^2."""
         return self.pitch_xy_mm[0] * self.pitch_xy_mm[1]
 
+    def places_mm(self, column: Any, row: Any) -> tuple[Any, Any]:
+        """Places (u, v) on the grid in mm of fractional pixel numbers; numbers or arrays."""
+        axes = zip((column, row), self.pixels, self.pitch_xy_mm, self.centre_offset_mm, strict=True)
+        u, v = ((number - (count - 1) / 2) * pitch + offset for number, count, pitch, offset in axes)
+        return u, v
+
+    def pixels_at(self, u_mm: Any, v_mm: Any) -> tuple[Any, Any]:
+        """Fractional (column, row) of places on the grid: what places_mm undoes."""
+        axes = zip((u_mm, v_mm), self.pixels, self.pitch_xy_mm, self.centre_offset_mm, strict=True)
+        column, row = ((place - offset) / pitch + (count - 1) / 2 for place, count, pitch, offset in axes)
+        return column, row
+
     @property
     def is_plain(self) -> bool:
         """Whether the pixels lie in a plane, bare."""
