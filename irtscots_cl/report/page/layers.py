@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from irtscots_cl.analysis.comparison import Comparison
 from irtscots_cl.analysis.error_terms import ErrorTerm
-from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.report.fiducial import x_direction
@@ -54,29 +55,43 @@ def _off_design(result: Reconstruction, axis: str, slope: FloatArray) -> FloatAr
     return np.where(result.mask, slope - design["xy".index(axis)], np.nan)
 
 
-def map_data(
-    result: Reconstruction, bars: ErrorBars | None, comparison: Comparison | None, parts: tuple[ErrorTerm, ...]
-) -> dict[str, Any]:
-    """The maps as JSON for report.js: every `step` rows and columns of the detector's, from the first."""
-    rows, columns = result.mask.shape
-    step = max(1, -(-max(rows, columns) // MOST_PIXELS))
+def grid_data(x_mm: FloatArray, y_mm: FloatArray, used: BoolArray, layers: Sequence[Layer]) -> dict[str, Any]:
+    """Maps [rows, columns] as JSON for maps.js: every `step` rows and columns of the detector's, from the first.
+
+    x_mm, y_mm: mirror points. used: the pixels that low-order terms are fitted to.
+    """
+    step = step_of(used.shape)
     shown = (slice(None, None, step), slice(None, None, step))
-    used = result.height_mask
-    details = {"slope x": (result.slope_x, "rad"), "slope y": (result.slope_y, "rad"),
-               "centroid x": (result.centroid_x_mm, "mm"), "centroid y": (result.centroid_y_mm, "mm")}  # fmt: skip
     return {
-        "rows": rows,
-        "columns": columns,
+        "rows": used.shape[0],
+        "columns": used.shape[1],
         "step": step,
-        "towards": list(x_direction(result.x_mm, result.y_mm)),
-        "x": packed(result.x_mm[shown]),
-        "y": packed(result.y_mm[shown]),
+        "towards": list(x_direction(x_mm, y_mm)),
+        "x": packed(x_mm[shown]),
+        "y": packed(y_mm[shown]),
         "used": packed(used[shown].astype(np.int32)),
-        "flags": packed(result.flags[shown].astype(np.int32)),
-        "details": [{"name": name, "unit": unit, "map": packed(v[shown])} for name, (v, unit) in details.items()],
         "layers": [
             {"name": layer.name, "unit": layer.unit, "heights": layer.heights, "signed": layer.signed,
              "group": layer.group, "map": packed(layer.values[shown])}
-            for layer in layers_of(result, bars, comparison, parts)
+            for layer in layers
         ],
     }  # fmt: skip
+
+
+def step_of(shape: tuple[int, ...]) -> int:
+    """Of a detector [rows, columns], every so many rows and columns are shown."""
+    return max(1, -(-max(shape) // MOST_PIXELS))
+
+
+def map_data(
+    result: Reconstruction, bars: ErrorBars | None, comparison: Comparison | None, parts: tuple[ErrorTerm, ...]
+) -> dict[str, Any]:
+    """The maps of a result as JSON for report.js, with what is told of a pixel."""
+    step = step_of(result.mask.shape)
+    shown = (slice(None, None, step), slice(None, None, step))
+    details = {"slope x": (result.slope_x, "rad"), "slope y": (result.slope_y, "rad"),
+               "centroid x": (result.centroid_x_mm, "mm"), "centroid y": (result.centroid_y_mm, "mm")}  # fmt: skip
+    return grid_data(result.x_mm, result.y_mm, result.height_mask, layers_of(result, bars, comparison, parts)) | {
+        "flags": packed(result.flags[shown].astype(np.int32)),
+        "details": [{"name": name, "unit": unit, "map": packed(v[shown])} for name, (v, unit) in details.items()],
+    }

@@ -10,14 +10,18 @@ from irtscots_cl.system.atomic_files import plain
 
 
 def rendered(name: str, words: dict[str, Any], data: dict[str, Any]) -> str:
-    """The text of templates/NAME.html with report.css, maps.js, NAME.js, and data as JSON in it."""
+    """The text of templates/NAME.html with report.css, maps.js, NAME.js, and data as JSON in it.
+
+    words: what the template names, `title` among them.
+    """
     import jinja2
 
     folder = files("irtscots_cl.report") / "templates"
-    html, css, maps, script = (
-        (folder / part).read_text(encoding="utf-8") for part in (f"{name}.html", "report.css", "maps.js", f"{name}.js")
+    css, maps, script = (
+        (folder / part).read_text(encoding="utf-8") for part in ("report.css", "maps.js", f"{name}.js")
     )
-    page = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(html)
+    loader = jinja2.FunctionLoader(lambda part: (folder / part).read_text(encoding="utf-8"))
+    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
     # "</" would end the script element
     text = json.dumps(plain(data), allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
-    return page.render(**words, data=text, css=css, js=maps + script)
+    return environment.get_template(f"{name}.html").render(**words, data=text, css=css, js=maps + script)

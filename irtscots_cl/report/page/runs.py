@@ -8,14 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from irtscots_cl.formats.result_map import read_pixel_maps
 from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.maths.arrays import FloatArray
-from irtscots_cl.report.fiducial import x_direction
-from irtscots_cl.report.page.arrays import packed
-from irtscots_cl.report.page.layers import MOST_PIXELS
+from irtscots_cl.report.page.layers import Layer, grid_data
 from irtscots_cl.report.page.rendering import rendered
 from irtscots_cl.scene.instrument import ORIENTATIONS
 
@@ -110,28 +106,15 @@ def _text(value: Any) -> str:
 
 def comparison_page(runs: Sequence[StoredRun]) -> str:
     """The page's text: one file that needs nothing else."""
-    words = {"names": [run.name for run in runs], "rows": comparison_rows(runs)}
+    words = {"title": "Runs compared", "names": [run.name for run in runs], "rows": comparison_rows(runs)}
     return rendered("view", words, {"runs": [_data(run) for run in runs]})
 
 
 def _data(run: StoredRun) -> dict[str, Any]:
     """The maps of a run as JSON for view.js: every `step` rows and columns, as in report.html."""
     x, y, groups = (run.maps[name] for name in PLACES)
-    rows, columns = x.shape
-    step = max(1, -(-max(rows, columns) // MOST_PIXELS))
-    shown = (slice(None, None, step), slice(None, None, step))
-    return {
-        "name": run.name,
-        "rows": rows,
-        "columns": columns,
-        "step": step,
-        "towards": list(x_direction(x, y)),
-        "x": packed(x[shown]),
-        "y": packed(y[shown]),
-        "used": packed((groups[shown] == 1).astype(np.int32)),
-        "layers": [
-            {"name": name, "unit": unit, "heights": heights, "signed": signed,
-             "map": packed(run.maps[dataset][shown] * factor)}
-            for name, dataset, factor, unit, heights, signed in LAYERS
-        ],
-    }  # fmt: skip
+    layers = [
+        Layer(name, unit, run.maps[dataset] * factor, heights, signed)
+        for name, dataset, factor, unit, heights, signed in LAYERS
+    ]
+    return {"name": run.name} | grid_data(x, y, groups == 1, layers)

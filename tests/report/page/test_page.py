@@ -54,16 +54,9 @@ def html(folder):
 
 
 @pytest.fixture
-def page(browser, folder):
-    page = browser.new_page(viewport={"width": 1200, "height": 900})
-    page.said = []
-    page.on("console", lambda message: page.said.append(message.text))
-    page.on("pageerror", lambda error: page.said.append(str(error)))
-    page.on("request", lambda request: page.said.append(request.url) if not request.url.startswith("file:") else None)
-    page.goto((folder / "report.html").as_uri())
-    page.wait_for_selector("html[data-ready=yes]")
-    yield page
-    page.close()
+def page(opened, folder):
+    with opened(folder / "report.html") as page:
+        yield page
 
 
 def numbers(page):

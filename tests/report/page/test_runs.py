@@ -29,17 +29,10 @@ def runs(folders):
 
 
 @pytest.fixture
-def page(browser, runs, tmp_path):
+def page(opened, runs, tmp_path):
     (tmp_path / "view.html").write_text(comparison_page(runs), encoding="utf-8")
-    page = browser.new_page(viewport={"width": 1200, "height": 900})
-    page.said = []
-    page.on("console", lambda message: page.said.append(message.text))
-    page.on("pageerror", lambda error: page.said.append(str(error)))
-    page.on("request", lambda request: page.said.append(request.url) if not request.url.startswith("file:") else None)
-    page.goto((tmp_path / "view.html").as_uri())
-    page.wait_for_selector("html[data-ready=yes]")
-    yield page
-    page.close()
+    with opened(tmp_path / "view.html") as page:
+        yield page
 
 
 def said(page):
