@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from importlib import import_module
-from importlib.resources import files
 from pathlib import Path
 
+from irtscots_cl.report.page.rendering import template
 from irtscots_cl.report.tables import Table
 from irtscots_cl.studies.traces import SharedTraces
 from irtscots_cl.studies.verdicts import FAILURE_CHANCE, TEST, Z_LIMIT, StudyResult
@@ -89,13 +89,9 @@ def write_figures(folder: Path, finished: Iterable[Finished]) -> None:
 
 def write_documents(folder: Path, finished: list[Finished], traces: SharedTraces) -> None:
     """Write reproduce.md and reproduce.html next to the figures."""
-    import jinja2
-
     device, about = traces.device.describe(), versions()
     for name, escape in (("reproduce.md", False), ("reproduce.html", True)):
-        text = (files("irtscots_cl.report") / "templates" / name).read_text(encoding="utf-8")
-        template = jinja2.Environment(autoescape=escape, trim_blocks=True, lstrip_blocks=True).from_string(text)
-        page = template.render(
+        page = template(name, escape).render(
             finished=finished, device=device, versions=about, quick=traces.quick, counts=counts(finished), test=TEST
         )
         write_text(folder / name, page + "\n")

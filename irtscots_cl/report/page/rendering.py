@@ -4,9 +4,21 @@ from __future__ import annotations
 
 import json
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from irtscots_cl.system.atomic_files import plain
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+
+def template(name: str, escape: bool = True) -> Template:
+    """A file of templates/, with the ones that it takes in. escape: whether texts are put in as HTML."""
+    import jinja2
+
+    folder = files("irtscots_cl.report") / "templates"
+    loader = jinja2.FunctionLoader(lambda part: (folder / part).read_text(encoding="utf-8"))
+    return jinja2.Environment(loader=loader, autoescape=escape, trim_blocks=True, lstrip_blocks=True).get_template(name)
 
 
 def rendered(name: str, words: dict[str, Any], data: dict[str, Any]) -> str:
@@ -14,14 +26,10 @@ def rendered(name: str, words: dict[str, Any], data: dict[str, Any]) -> str:
 
     words: what the template names, `title` among them.
     """
-    import jinja2
-
     folder = files("irtscots_cl.report") / "templates"
     css, maps, script = (
         (folder / part).read_text(encoding="utf-8") for part in ("report.css", "maps.js", f"{name}.js")
     )
-    loader = jinja2.FunctionLoader(lambda part: (folder / part).read_text(encoding="utf-8"))
-    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
     # "</" would end the script element
     text = json.dumps(plain(data), allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
-    return environment.get_template(f"{name}.html").render(**words, data=text, css=css, js=maps + script)
+    return template(f"{name}.html").render(**words, data=text, css=css, js=maps + script)

@@ -110,7 +110,7 @@ def test_it_opens_fast_without_a_word(browser, folder):
     started = time.process_time()
     page.goto((folder / "report.html").as_uri())
     page.wait_for_selector("html[data-ready=yes]", timeout=30_000)
-    ready = page.evaluate("performance.getEntriesByType('navigation')[0].domInteractive") / 1000
+    ready = page.evaluate("performance.now()") / 1000  # since the page was asked for, with its maps drawn
     assert said == [] and time.process_time() - started < READY_S and ready < 15 * READY_S
     page.close()
 
