@@ -204,9 +204,9 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
 
 def _simulate(setup, options: argparse.Namespace, given: dict, keeper):
     """Run the simulation with the given options."""
-    from irtscots_cl.pipeline.large_detectors import fit_memory
     from irtscots_cl.pipeline.simulate import outlook, simulate
     from irtscots_cl.tracing.checks.precision import RoundingWarning, check_precision_of_scene, check_precision_on
+    from irtscots_cl.tracing.large_detectors import fit_memory
     from irtscots_cl.tracing.options import ANALYTIC
     from irtscots_cl.tracing.samplers import INDEPENDENT
 

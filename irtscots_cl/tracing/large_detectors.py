@@ -25,18 +25,17 @@ def fit_memory(setup: Setup, wanted: Mapping[str, Any], given: Mapping[str, Any]
     scene = setup.scene
     if wanted["estimator"] not in ("adjoint", "forward"):
         return {}, ""
-    columns, rows = scene.camera.detector.pixels
-    others, replicates = BYTES_PER_PIXEL * columns * rows, wanted["replicates"]
-    key = f"scene {scene.name}: camera.detector.pixels = {[columns, rows]}"
+    replicates = wanted["replicates"]
+    key = f"scene {scene.name}: camera.detector.pixels = {list(scene.camera.detector.pixels)}"
     if wanted["smoothing"]:
-        check_memory(f"{key}: a run", others)
+        check_memory(f"{key}: a run", run_bytes(setup, replicates, smoothing=True))
         return {}, ""
-    windows = setup.windows(MARGIN)
-    size = 8 * replicates * windows.count
+    windows, whole = setup.windows(MARGIN), run_bytes(setup, replicates)
+    size = _map_bytes(setup, replicates)
     response = scene.screen.response
     free = "smoothing" not in given and wanted["estimator"] == "adjoint" and can_smooth(scene)
     free = free and not (response is not None and response.needs_map)
-    if free and (size > MOST_MAP_BYTES or size + others > memory_bytes()):
+    if free and (size > MOST_MAP_BYTES or whole > memory_bytes()):
         rays, parts = given.get("rays_per_pixel", SMOOTHED_RAYS), given.get("replicates", SMOOTHED_REPLICATES)
         return {"smoothing": True, "rays_per_pixel": rays, "replicates": parts}, (
             f"{len(windows.pixels)} maps of {windows.columns} x {windows.rows} screen pixels, {replicates} times, take "
@@ -44,5 +43,16 @@ def fit_memory(setup: Setup, wanted: Mapping[str, Any], given: Mapping[str, Any]
             "parts; --no-smoothing keeps the maps"
         )
     check_memory(f"{key}: {replicates} replicates of {windows.columns} x {windows.rows} screen pixels for each of "
-                 f"{len(windows.pixels)}", size + others)  # fmt: skip
+                 f"{len(windows.pixels)}", whole)  # fmt: skip
     return {}, ""
+
+
+def run_bytes(setup: Setup, replicates: int, smoothing: bool = False) -> int:
+    """The memory that a run takes, with its images, its measurement and its figures."""
+    columns, rows = setup.scene.camera.detector.pixels
+    return BYTES_PER_PIXEL * columns * rows + (0 if smoothing else _map_bytes(setup, replicates))
+
+
+def _map_bytes(setup: Setup, replicates: int) -> int:
+    """The memory of the map of light transport, of all replicates."""
+    return 8 * replicates * setup.windows(MARGIN).count

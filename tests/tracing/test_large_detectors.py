@@ -6,10 +6,10 @@ import pytest
 from scenes import with_part
 from tracers import setup_of
 
-from irtscots_cl.pipeline import large_detectors
-from irtscots_cl.pipeline.large_detectors import fit_memory
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.screen_response import ScreenResponse
+from irtscots_cl.tracing import large_detectors
+from irtscots_cl.tracing.large_detectors import fit_memory
 
 WANTED = {"estimator": "adjoint", "smoothing": False, "rays_per_pixel": 16384, "replicates": 8}
 SIZE = 8 * 8 * 10043 * 81  # of the maps of the sphere
@@ -53,14 +53,14 @@ def test_a_scene_that_needs_its_map_keeps_it(large):
 def test_a_run_that_does_not_fit_is_refused_or_smoothed(monkeypatch):
     """The map and what else a run holds are compared with the memory together."""
     others = large_detectors.BYTES_PER_PIXEL * 125**2
-    for module in ("irtscots_cl.pipeline.large_detectors", "irtscots_cl.system.memory"):
+    for module in ("irtscots_cl.tracing.large_detectors", "irtscots_cl.system.memory"):
         monkeypatch.setattr(f"{module}.memory_bytes", lambda: others + SIZE - 1)
     scene = load_scene("sphere")
     assert fitted(scene)[0]["smoothing"] is True
     with pytest.raises(ValueError, match=r"^scene sphere: camera.detector.pixels = \[125, 125\]: 8 replicates of 9 x 9 "
                        r"screen pixels for each of 10043: takes about 0.1 GiB of memory; must fit"):  # fmt: skip
         fitted(scene, {"smoothing": False})
-    for module in ("irtscots_cl.pipeline.large_detectors", "irtscots_cl.system.memory"):
+    for module in ("irtscots_cl.tracing.large_detectors", "irtscots_cl.system.memory"):
         monkeypatch.setattr(f"{module}.memory_bytes", lambda: others - 1)
     with pytest.raises(ValueError, match="a run: takes about"):
         fitted(scene, {"smoothing": True})
