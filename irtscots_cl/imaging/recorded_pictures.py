@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from irtscots_cl.imaging.detector import mean_of_frames, pixel_properties
 from irtscots_cl.imaging.fringe_manifest import CAMERA, NAME, read_manifest
 from irtscots_cl.imaging.orientation import stored
 from irtscots_cl.imaging.pictures import Pictures, read_pictures
 from irtscots_cl.maths.arrays import FloatArray
+from irtscots_cl.scene.detector_noise import DetectorNoise
 
 MAX_BITS = 16
+SCAN = "x"  # whose random numbers the frames take
 DARK_SHARE = 0.015  # of full scale, without light: a camera's black level
 
 
@@ -61,9 +64,14 @@ def record_pictures(
 
 
 def _counts(electrons: FloatArray, full_well_e: float, read_noise_e: float, bits: int, seed: int) -> NDArray[Any]:
-    """Whole counts of electrons [frames, rows, columns], with noise and a black level."""
-    random, top = np.random.default_rng(seed), 2**bits - 1
-    noisy = random.poisson(electrons) + read_noise_e * random.standard_normal(electrons.shape)
-    counts = DARK_SHARE * top + noisy * top / full_well_e
-    whole: NDArray[Any] = np.clip(np.rint(counts), 0, top).astype(np.uint8 if bits <= 8 else np.uint16)
+    """Whole counts of electrons [frames, rows, columns], with noise and a black level, as `record` makes them."""
+    top = 2**bits - 1
+    noise = DetectorNoise(
+        electrons_at_peak=float(electrons.max()), shot_noise=True, read_noise_e=float(read_noise_e),
+        full_well_e=float(full_well_e), gain_e_per_dn=full_well_e / top, offset_dn=DARK_SHARE * top, bits=bits,
+        seed=seed,
+    )  # fmt: skip
+    pixels, one_frame = pixel_properties(noise, electrons.shape[1:]), np.ones(1)
+    counts = [mean_of_frames(noise, pixels, light.ravel(), one_frame, SCAN, k)[0] for k, light in enumerate(electrons)]
+    whole: NDArray[Any] = np.reshape(counts, electrons.shape).astype(np.uint8 if bits <= 8 else np.uint16)
     return whole
