@@ -7,6 +7,8 @@ every device gets.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partialmethod
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +65,7 @@ class Oclgrind:
             patch.setattr(module, "build", self._build)
         patch.setattr(execution, "check_device", lambda *_: None)  # it takes long here, and its builtins are others
         patch.setattr(Workspace, "clear", _clear)
+        patch.setattr(Workspace, "share", partialmethod(_share, Workspace.share))
 
     def device(self, width: int) -> Simulated:
         return Simulated(next(device for device in all_devices() if device.platform == "Oclgrind"), width)
@@ -82,6 +85,13 @@ class Oclgrind:
 def _clear(work: Workspace, buffer: cl.Buffer) -> None:
     """Zeros by a copy: Oclgrind takes no note of clEnqueueFillBuffer, and would call the buffer not set."""
     cl.enqueue_copy(work.device.queue, buffer, np.zeros(buffer.size, np.uint8))
+
+
+def _share(work: Workspace, share: Callable, array: np.ndarray) -> cl.Buffer:
+    """The array with its values copied in: Oclgrind takes no note of what shared memory holds, either."""
+    buffer = share(work, array)
+    cl.enqueue_copy(work.device.queue, buffer, array.copy())
+    return buffer
 
 
 def has_oclgrind() -> bool:

@@ -16,14 +16,16 @@ from freeform import ANNULAR, freeform
 from oclgrind import HOW_TO_GET_IT, Oclgrind, has_oclgrind
 from outlined import outline_of
 from real_setup import real_setup
+from scenes import with_part
 from tracers import setup_of, totals, tracer_of
 
 from irtscots_cl.execution.launch_plan import RayBlock
 from irtscots_cl.formats.height_map import HeightMap
-from irtscots_cl.opencl import program, selftest
+from irtscots_cl.opencl import program, selftest, speed
 from irtscots_cl.opencl.device import Device
 from irtscots_cl.opencl.kernel import Workspace
 from irtscots_cl.opencl.program import BLOCK, compose, kernel_files
+from irtscots_cl.opencl.speed import SpeedTest
 from irtscots_cl.scene.asphere import Asphere
 from irtscots_cl.scene.element import Element
 from irtscots_cl.scene.height_map import MirrorMap
@@ -126,6 +128,7 @@ MIRRORS = {
     "flat": small("sphere", radius_mm=math.inf),
     "polygon": small("sphere", outline=outline_of("hexagon", 1064.0)),
     "parts": small("sphere-deviated", outline=outline_of("parts", 1064.0)),
+    "above the axis": with_part(small("sphere"), "screen", look_at_mm=(0.0, 1.0, 0.0)),
     "real, k1 to k3": small_setup(5),
     "real, k1 to k6": small_setup(8),
 }
@@ -163,6 +166,7 @@ def test_samplers(oclgrind, width, sampler):
      ("odd asphere", "adjoint", "fp32"), ("maps", "forward", "fp32"), ("maps", "adjoint", "fp64"),
      ("clenshaw, hole", "lines", "fp32"), ("clenshaw, hole", "forward", "fp64"),
      ("off-axis", "adjoint", "fp64"), ("off-axis", "lines", "fp64"), ("flat", "adjoint", "fp32"),
+     ("above the axis", "forward", "fp32"),
      ("polygon", "adjoint", "fp32"), ("polygon", "lines", "fp32"), ("parts", "forward", "fp64"),
      ("real, k1 to k3", "forward", "fp32"), ("real, k1 to k6", "forward", "fp64"), ("real, k1 to k6", "lines", "fp32")],
 )  # fmt: skip
@@ -240,7 +244,7 @@ def test_nonsequential(oclgrind, width, kind, branches, monkeypatch):
     assert oclgrind.complaints() == []
 
 
-@pytest.mark.parametrize("entry", ["meet", "adjoint", "forward", "sums", "multiply_add", "device", "none"])
+@pytest.mark.parametrize("entry", ["meet", "adjoint", "forward", "sums", "multiply_add", "device", "speed", "none"])
 @pytest.mark.parametrize("width", WIDTHS)
 def test_probes(oclgrind, width, entry, monkeypatch):
     device, scene, random = oclgrind.device(width), MIRRORS["power"], np.random.default_rng(1)
@@ -266,6 +270,10 @@ def test_probes(oclgrind, width, entry, monkeypatch):
         work.launch((4, 1), [np.int32(3), work.empty(4 * 4 * 64)])
     elif entry == "device":
         selftest.probe(device)
+    elif entry == "speed":
+        monkeypatch.setattr(speed, "FIRST_BLOCKS", 2)
+        monkeypatch.setattr(speed, "SECONDS", 0.0)  # one block for each launch
+        assert SpeedTest(device).counts().any()
     else:
         run = tracer_of(scene, device, TraceOptions("forward"), accumulate="none")
         run.launch(0, RayBlock(0, run.sources, 0, 3))
