@@ -83,6 +83,15 @@ INLINE void batch_add(Batch *batch, const Sieve *sieve, wordv *high, int v, int 
     ++batch->count;
 }
 
+// The places behind the last ray repeat it: whole blocks are emitted, and nothing is read that nobody set.
+INLINE void batch_end(Batch *batch, wordv *high) {
+    for (int k = batch->count, last = k - 1; k < BLOCK; ++k) {
+        for (int d = 0; d < DIMENSIONS; ++d) ((uint *)batch->words[d])[k] = ((const uint *)batch->words[d])[last];
+        ((uint *)batch->keys)[k] = ((const uint *)batch->keys)[last];
+        ((uint *)high)[k] = ((const uint *)high)[last];
+    }
+}
+
 // Fills the batch with the next rays of the work-item that must be followed. Returns false if there are none left.
 INLINE bool sieve_fill(Sieve *sieve, const Trace *trace, Batch *batch) {
     wordv high[BLOCK / WORD_LANES];
@@ -99,9 +108,11 @@ INLINE bool sieve_fill(Sieve *sieve, const Trace *trace, Batch *batch) {
         sieve->follow[sieve->at] = lanes;
         if (lanes == 0) ++sieve->at;
     }
+    if (batch->count == 0) return false;
+    batch_end(batch, high);
     for (int v = 0; v * WORD_LANES < batch->count; ++v)
         batch->keys[v] = path_key(trace->launch, sieve->source, batch->keys[v], high[v]);
-    return batch->count > 0;
+    return true;
 }
 
 // Counts the rays that were not followed. All of a source's rays have the same weight.
