@@ -13,6 +13,7 @@ from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.report.design_slopes import slopes_from_design
 from irtscots_cl.report.fiducial import x_direction
 from irtscots_cl.report.page.arrays import packed
 
@@ -41,18 +42,11 @@ def layers_of(
     if comparison is not None:
         layers.append(Layer("error of the deviation", "nm", comparison.error_mm * 1e6, True, True))
     layers.append(Layer("standard error of the height", "nm", error_mm * 1e6))
-    for axis, slope in (("x", result.slope_x), ("y", result.slope_y)):
-        off = _off_design(result, axis, slope) * 1e6
-        layers.append(Layer(f"slope {axis} from the design", "µrad", off, False, True, "slope"))
+    for axis, off in slopes_from_design(result).items():
+        layers.append(Layer(f"slope {axis} from the design", "µrad", off * 1e6, False, True, "slope"))
     layers += [Layer(f"error: {part.name}", "nm", part.height_mm * 1e6, True, True, "parts") for part in parts]
     layers.append(Layer("height of the surface", "mm", result.height_mm))
     return layers
-
-
-def _off_design(result: Reconstruction, axis: str, slope: FloatArray) -> FloatArray:
-    """The slope less the design's at the same point."""
-    design = result.setup.nominal.chief_rays.surface.gradient(result.x_mm, result.y_mm)
-    return np.where(result.mask, slope - design["xy".index(axis)], np.nan)
 
 
 def grid_data(x_mm: FloatArray, y_mm: FloatArray, used: BoolArray, layers: Sequence[Layer]) -> dict[str, Any]:
