@@ -14,7 +14,7 @@ from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.report.design_slopes import slopes_from_design
-from irtscots_cl.report.fiducial import x_direction
+from irtscots_cl.report.fiducial import MapFrame, x_direction
 from irtscots_cl.report.page.arrays import packed
 
 MOST_PIXELS = 256  # of a map along its longer side: of larger detectors every so many rows and columns are shown
@@ -61,6 +61,7 @@ def grid_data(x_mm: FloatArray, y_mm: FloatArray, used: BoolArray, layers: Seque
         "columns": used.shape[1],
         "step": step,
         "towards": list(x_direction(x_mm, y_mm)),
+        "mm": _edges_mm(x_mm, y_mm, used),
         "x": packed(x_mm[shown]),
         "y": packed(y_mm[shown]),
         "used": packed(used[shown].astype(np.int32)),
@@ -70,6 +71,23 @@ def grid_data(x_mm: FloatArray, y_mm: FloatArray, used: BoolArray, layers: Seque
             for layer in layers
         ],
     }  # fmt: skip
+
+
+def _edges_mm(x_mm: FloatArray, y_mm: FloatArray, used: BoolArray) -> dict[str, list[float]] | None:
+    """The mirror's x at the left and the right edge of the grid, and its y at the bottom and the top; None where the
+    grid is turned against the mirror or seen at a slant."""
+    if not used.any():
+        return None
+    frame = MapFrame.of(x_mm, y_mm, used)
+    if "mm" not in frame.x_label:
+        return None
+    ends = {}
+    for axis, cut, (low, high), count in (
+        ("x", frame.cut[1], frame.extent[:2], used.shape[1]), ("y", frame.cut[0], frame.extent[2:], used.shape[0]),
+    ):  # fmt: skip
+        pitch = (high - low) / (cut.stop - cut.start)
+        ends[axis] = [low - cut.start * pitch, high + (count - cut.stop) * pitch]
+    return ends
 
 
 def step_of(shape: tuple[int, ...]) -> int:
