@@ -4,15 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 
 import numpy as np
 
 from irtscots_cl.maths.map_spectrum import radial_psd
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.report.table import Table
 
 WIDE, BAR, GAP, LABEL = 520, 16, 6, 214  # narrow, so that letters stay readable on phones
 IN, OUT, ERROR = "#8a8a8a", "#0b6e99", "#222222"
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A drawing of a page, left out where its svg is empty. table: the same in numbers, beside it; such drawings come
+    first."""
+
+    name: str
+    svg: str
+    caption: str
+    table: Table | None = None
 
 
 def bar_chart(title: str, rows: Sequence[tuple[str, float, float]], unit: str) -> str:

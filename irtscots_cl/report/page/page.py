@@ -14,7 +14,7 @@ from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.report.page.curves import curve_data
-from irtscots_cl.report.page.drawings import bar_chart, ledger_flow, spectrum_chart, zernike_chart
+from irtscots_cl.report.page.drawings import Drawing, bar_chart, ledger_flow, spectrum_chart, zernike_chart
 from irtscots_cl.report.page.layers import map_data
 from irtscots_cl.report.page.rendering import rendered
 from irtscots_cl.report.page.setup import setup_data
@@ -66,11 +66,11 @@ def write_page(
         for row in report["zernike"] if row["noll"] > 3
     ]  # fmt: skip
     drawings = [
-        ("Height error by its parts", bar_chart("Height error in nm rms, piston and tilt removed", split, "nm"),
+        Drawing("Height error by its parts", bar_chart("Height error in nm rms, piston and tilt removed", split, "nm"),
          "Predicted parts of the height error, their sum, and the actual error: nm rms, piston and tilt removed."),
-        ("Zernike terms: put in (grey) and measured (blue)", zernike_chart(_largest(terms)), ZERNIKE_CAPTION),
-        ("Spectrum", spectrum_chart(result), SPECTRUM_CAPTION),
-        ("Rays", ledger_flow(cast("dict[str, int]", report["ledger"])) if report["ledger"]["launched"] else "",
+        Drawing("Zernike terms: put in (grey) and measured (blue)", zernike_chart(_largest(terms)), ZERNIKE_CAPTION),
+        Drawing("Spectrum", spectrum_chart(result), SPECTRUM_CAPTION),
+        Drawing("Rays", ledger_flow(cast("dict[str, int]", report["ledger"])) if report["ledger"]["launched"] else "",
          "Where the launched rays ended; widths are shares."),
     ]  # fmt: skip
     _write(path, {
@@ -100,8 +100,8 @@ def write_measured_page(
         (term_name(row["noll"]), None, row["output_um"], row["standard_error_um"])
         for row in facts["zernike"] if row["noll"] > 3
     ]  # fmt: skip
-    drawings = [("Zernike terms", zernike_chart(_largest(terms)), ZERNIKE_CAPTION),
-                ("Spectrum", spectrum_chart(result), SPECTRUM_CAPTION)]  # fmt: skip
+    drawings = [Drawing("Zernike terms", zernike_chart(_largest(terms)), ZERNIKE_CAPTION),
+                Drawing("Spectrum", spectrum_chart(result), SPECTRUM_CAPTION)]  # fmt: skip
     _write(path, {
         "title": f"{facts['scene']}: measured by {facts['measure']}", "summary": summary_of_measurement(facts),
         "command": "", "cautions": cautions(facts), "checks": facts["checks"], "tables": measurement_tables(facts),
@@ -125,7 +125,7 @@ def page_of(result: Reconstruction, comparison: Comparison | None = None, stack:
     return _page({
         "title": f"{result.nominal.name}: measured", "summary": summary_of_result(result), "command": "",
         "cautions": [], "checks": [], "tables": [table], "facts": [], "pictures": [],
-        "drawings": [("Spectrum", spectrum_chart(result), SPECTRUM_CAPTION)],
+        "drawings": [Drawing("Spectrum", spectrum_chart(result), SPECTRUM_CAPTION)],
         "toml": result.nominal.to_toml(),
     }, {"maps": map_data(result, None, comparison, ()), "curves": stack and curve_data(stack),
         "setup": setup_data(result.nominal)})  # fmt: skip

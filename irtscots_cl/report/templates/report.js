@@ -1,5 +1,7 @@
 // Maps, light curves and camera frames of a measurement, by the functions of maps.js.
 
+const MOST_TOLD = 16;  // layers whose values are told of a pixel
+
 class MapView {
   constructor(maps, parts, curves) {
     Object.assign(this, { maps, ...parts, curves });
@@ -16,6 +18,12 @@ class MapView {
     byId("maps").hidden = false;
     rulers(maps);
     this.draw();
+  }
+
+  // Row and column on the detector of a pixel of the maps.
+  place(n) {
+    const { step, first = [0, 0] } = this.maps;
+    return [first[0] + step * Math.floor(n / this.columns), first[1] + step * (n % this.columns)];
   }
 
   // The used pixel nearest to the middle of the used ones.
@@ -59,7 +67,7 @@ class MapView {
     const removed = layer.heights ? `, removed: ${byId("terms").selectedOptions[0].text}` : "";
     const waves = layer.unit === "nm" ? ` (${digits(s.rms / 632.8, 3)} waves of 632.8 nm)` : "";
     byId("statistics").textContent = `${layer.name}${removed}: rms ${digits(s.rms, 4)} ${layer.unit}${waves}, PV ${digits(s.pv, 4)} ${layer.unit}, ${s.count} pixels`;
-    const every = this.maps.step > 1 ? ` Every ${this.maps.step}th row and column is shown.` : "";
+    const every = this.maps.step > 1 ? ` Of ${this.maps.step} rows and columns one is shown.` : "";
     byId("caption").textContent = `${layer.name} [${layer.unit}], seen from the camera; the arrow points to the mirror's +x. Click a pixel for its numbers, or move with the arrow keys.${every}`;
     this.tell();
     this.profile();
@@ -114,8 +122,7 @@ class MapView {
   choose(n) {
     this.chosen = n;
     this.draw();
-    const step = this.maps.step, row = step * Math.floor(n / this.columns), column = step * (n % this.columns);
-    if (window.parent !== window) window.parent.postMessage({ chosen: [row, column] }, "*");
+    if (window.parent !== window) window.parent.postMessage({ chosen: this.place(n) }, "*");
   }
 
   // The ends are chosen by clicks, or with the arrow keys and Enter.
@@ -123,11 +130,12 @@ class MapView {
 
   // The numbers of the chosen pixel, and its light curves.
   tell() {
-    const n = this.chosen, step = this.maps.step, row = step * Math.floor(n / this.columns), column = step * (n % this.columns);
+    const n = this.chosen, [row, column] = this.place(n);
     const rows = [["row, column", `${row}, ${column}`], ["mirror x, y", `${millimetres(this.x[n])}, ${millimetres(this.y[n])} mm`],
       ["flag", ["used", "empty", "clipped", "stray", "saturated", "masked"][this.flags[n]] ?? String(this.flags[n])]];
     this.maps.details.forEach((detail, k) => rows.push([detail.name, `${digits(this.details[k][n], 7)} ${detail.unit}`]));
-    this.maps.layers.forEach((layer, k) => rows.push([layer.name, `${digits(this.layers[k][n], 6)} ${layer.unit}`]));
+    const many = this.maps.layers.length > MOST_TOLD;  // then those alone that the shown one is one of
+    this.maps.layers.forEach((layer, k) => (many && layer.group !== this.layer.group) || rows.push([layer.name, `${digits(this.layers[k][n], 6)} ${layer.unit}`]));
     rows.push(["shown, terms removed", `${digits(this.values[n], 6)} ${this.layer.unit}`]);
     byId("pixel").tBodies[0].replaceChildren(...rows.map(([name, text]) => {
       const line = document.createElement("tr"), head = document.createElement("th"), cell = document.createElement("td");
@@ -174,7 +182,8 @@ class FrameView {
     curves.scans.forEach((scan, k) => byId("scan").add(new Option(`${scan.axis}: ${scan.places_mm.length} lines`, k)));
     byId("scan").addEventListener("change", () => this.start());
     byId("line").addEventListener("input", () => this.draw());
-    for (const id of ["frames", "frame-controls"]) byId(id).hidden = false;
+    for (const id of ["frames", "frame-controls", "line-caption"]) byId(id).hidden = false;
+    byId("setup-title").textContent = "Set-up and camera frames";
     window.addEventListener("resize", () => this.draw());
     this.start();
   }
@@ -227,6 +236,8 @@ class FrameView {
 
 async function main() {
   const { maps, curves, setup } = JSON.parse(byId("data").textContent);
+  const drawing = new SetupView(setup);
+  if (!maps) { document.documentElement.dataset.ready = "yes"; return null; }
   const parts = {};
   for (const name of ["x", "y", "used", "flags"]) parts[name] = await unpack(maps[name]);
   parts.details = await Promise.all(maps.details.map((detail) => unpack(detail.map)));
@@ -237,7 +248,6 @@ async function main() {
     scan.index = new Map(Array.from(scan.pixels, (pixel, n) => [pixel, n]));
   }
   const view = new MapView(maps, parts, curves);
-  const drawing = new SetupView(setup);
   if (curves) new FrameView(view, drawing);
   document.documentElement.dataset.ready = "yes";
   return view;
