@@ -72,8 +72,8 @@ def add(commands) -> None:
         "--out",
         type=Path,
         metavar="DIR",
-        help="write budget.json, budget.csv, budget.h5 and figures there; with --images, the trial's scene, images and "
-        "maps, too",
+        help="write budget.json, budget.csv, budget.h5, report.html and figures there; with --images, the trial's "
+        "scene, images and maps, too",
     )
 
 
@@ -90,7 +90,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain
 
     if options.out is not None:
-        check_output_folder(options.out, ("budget.json", "budget.csv", "budget.h5"), ("figures",))
+        check_output_folder(options.out, ("budget.json", "budget.csv", "budget.h5", "report.html"), ("figures",))
     budget = scene.budget or Budget()
     if not (budget.sources or budget.calibrated):
         _refuse(
@@ -112,6 +112,7 @@ def _execute(options: argparse.Namespace) -> int:
         warn(text)
     facts = budget_facts(found)
     tables = budget_tables(found)
+    own = len(tables)
     if options.images:
         simulated = _simulated(options, found)
         from irtscots_cl.pipeline.simulated_trial import simulated_facts, write_simulated
@@ -119,8 +120,11 @@ def _execute(options: argparse.Namespace) -> int:
         facts["simulated"] = simulated_facts(simulated)
         tables.append(simulated_table(facts["simulated"]))
     if options.out is not None:
+        from irtscots_cl.report.page.budget import write_budget_page
+
         with made_folder(options.out):
             _write(found, facts, options.out)
+            write_budget_page(options.out / "report.html", found, tables[own:])
             if options.images:
                 write_simulated(simulated, options.out / f"trial-{found.trial}")
     if options.json:

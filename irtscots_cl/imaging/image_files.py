@@ -55,9 +55,10 @@ def _read_scan(file: h5py.File, path: Path, axis: str, scene: Scene | None) -> S
         _check_size(images, images.size)
         values = _values(images)
         if scene is None:
-            return Scan.from_images(axis, lines[()], values)
+            return replace(Scan.from_images(axis, lines[()], values), unit=_unit(images))
         values = upright(values, scene.camera.detector.orientation)
-        return Scan.from_images(axis, lines[()], values, _line_width(lines, axis, scene))
+        scan = Scan.from_images(axis, lines[()], values, _line_width(lines, axis, scene))
+        return replace(scan, unit=_unit(images))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -87,7 +88,14 @@ def _lit_scan(images: h5py.Dataset, tiles: list[Tile], lines: h5py.Dataset, axis
         first_line=first[order],
         flux_w=curves[None, order],
         hits=np.full(len(order), np.nan),
+        unit=_unit(images),
     )
+
+
+def _unit(images: h5py.Dataset) -> str:
+    """ "W" where a simulation's file says so; a camera's counts else."""
+    told = images.attrs.get("unit")
+    return "W" if told in ("W", b"W") else "DN"
 
 
 def _line_width(lines: h5py.Dataset, axis: str, scene: Scene) -> float:

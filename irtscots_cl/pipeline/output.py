@@ -56,7 +56,7 @@ def write_run(
             _delete_figures(folder / "figures")
         drawn = time.perf_counter()
         report["seconds"] = with_parts(report["seconds"], start=started, store=stored - began, figures=drawn - stored)
-        write_page(folder / "report.html", report, run.stack, run.result, run.comparison, run.parts, run.bars, draw)
+        write_page(folder / "report.html", report, run.stack, run.result, run.comparison, run.parts, run.bars)
         written = report["seconds"].get("report", 0.0) + time.perf_counter() - drawn
         report["seconds"] = with_parts(report["seconds"], report=written)
         write_json(folder / "report.json", report)

@@ -13,6 +13,7 @@ from irtscots_cl.budget.linear import LinearBudget
 from irtscots_cl.budget.sensitivity import NM
 from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.report.fiducial import MapFrame, mark_x
+from irtscots_cl.report.map_panel import SEQUENTIAL, SIGNED, add_pixels, statistics_text
 from irtscots_cl.system.atomic_files import replacing
 
 LEVELS = (0, 2, 3)  # of LEFT_AFTER, in the tornado: piston and tilt, + astigmatism, + coma
@@ -89,23 +90,19 @@ def map_figure(found: ErrorBudget) -> Figure:
     for name in names:
         height = np.atleast_2d(found.sensitivities[name].height_mm)[0] * found.trials.budget.sources[name].sigma
         maps.append(design.response.without(height[None], "piston_tilt")[0] * NM)
-    figure = Figure(figsize=(14, 8.2), layout="tight")
+    figure = Figure(figsize=(15, 9), layout="tight")
     grid = figure.subplots(2, 3).ravel()
     largest = max((float(np.percentile(np.abs(values), 99.5)) for values in maps), default=1.0) or 1.0
     for axes, name, values in zip(grid, names, maps, strict=False):
         which = ", one draw" if found.sensitivities[name].source.kind.is_random else ""
-        title = f"{name}{which}: {_rms(values):.3g} nm rms"
-        _map(axes, found, values, title, "RdBu_r", -largest, largest)
+        title = f"{name}{which}:\n{statistics_text(values, 'nm')}"
+        _map(axes, found, values, title, SIGNED, -largest, largest)
     whole = found.linear.deviation_mm * NM
-    _map(grid[-1], found, whole, f"standard deviation of all: {_rms(whole):.3g} nm rms", "viridis", 0.0,
+    _map(grid[-1], found, whole, f"standard deviation of all:\n{statistics_text(whole, 'nm')}", SEQUENTIAL, 0.0,
          float(np.percentile(whole, 99.5)) or 1.0)  # fmt: skip
     for axes in grid[len(names) : -1]:
         axes.set_axis_off()
     return figure
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _map(
@@ -118,4 +115,5 @@ def _map(
     axes.set(xlabel=frame.x_label, ylabel=frame.y_label)
     axes.set_title(title, fontsize=9)
     mark_x(axes, frame.towards)
-    axes.figure.colorbar(picture, ax=axes, label="nm")
+    add_pixels(axes, frame)
+    axes.figure.colorbar(picture, ax=axes, label="nm", shrink=0.85, pad=0.13)

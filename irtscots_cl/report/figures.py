@@ -11,18 +11,32 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from irtscots_cl.analysis.comparison import Comparison
 from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.imaging.image_stack import ImageStack, Scan
-from irtscots_cl.maths.arrays import FloatArray, IntArray
+from irtscots_cl.maths.arrays import FloatArray
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.optics.pixel.chord import chord_cdf
-from irtscots_cl.report.fiducial import MapFrame, mark_x, x_direction
+from irtscots_cl.report.design_slopes import slopes_from_design
+from irtscots_cl.report.fiducial import MapFrame, mark_x
+from irtscots_cl.report.map_panel import (
+    LIGHT,
+    SEQUENTIAL,
+    SIGNED,
+    add_millimetres,
+    add_pixels,
+    magnified,
+    signed_limit,
+    statistics_text,
+    with_prefix,
+)
 from irtscots_cl.report.mirror_edge import draw_edge
 from irtscots_cl.system.atomic_files import replacing
 
 LIT = 0.1  # of a light curve's peak over its lowest sample: lines with more are shown
+IMAGE_PIXELS = 400  # of a shown image along a side, about those of its panel
 ALIKE = 2.0  # ratio of two curves' variances up to which they are compared
 
 
@@ -39,7 +53,7 @@ def write_figures(
     empty if they were not computed.
     """
     figures = {
-        "images.png": image_figure(stack, x_direction(result.x_mm, result.y_mm)),
+        "images.png": image_figure(stack, MapFrame.of(result.x_mm, result.y_mm, result.mask)),
         "light_curve.png": light_curve_figure(stack, result),
         "slopes.png": slope_figure(result),
         "height.png": height_figure(result, comparison),
@@ -53,13 +67,14 @@ def write_figures(
 
 
 def _panels(rows: int, columns: int, width: float, height: float, bars: bool = True, title_lines: int = 1) -> Figure:
-    """A figure of panels of that size in inches, with room for labels, titles and, with bars, for colour bars.
+    """A figure of panels of that size in inches, with room for labels, titles and, with bars, for second axes and
+    colour bars.
 
     The room is the same for all figures: finding it from the texts, by layout="tight", would lay out all of them twice.
     """
     figure = Figure(figsize=(width * columns, height * rows))
-    left, bottom, top = 0.8, 0.55, 0.2 + 0.19 * title_lines
-    right = 0.7 if bars else 0.15
+    left, bottom, top = 0.8, 0.55, 0.2 + 0.19 * title_lines + 0.3 * bars
+    right = 0.8 if bars else 0.15
     figure.subplots(
         rows,
         columns,
@@ -75,34 +90,65 @@ def _panels(rows: int, columns: int, width: float, height: float, bars: bool = T
     return figure
 
 
-def image_figure(stack: ImageStack, towards_x: tuple[float, float] = (1.0, 0.0)) -> Figure:
-    """Camera images under a line at a third and one in the middle of the lines with light of each scan.
+def image_figure(stack: ImageStack, frame: MapFrame | None = None) -> Figure:
+    """Camera images under two lines of each scan, at a third and at half of the lines with light, on one scale.
 
-    towards_x: direction (column, row) of the mirror's +x.
+    frame: of the mirror's maps, for the direction of its +x and its millimetres.
     """
-    figure = _panels(2, 2, 5, 4.25)
-    for row, scan in zip((figure.axes[:2], figure.axes[2:4]), (stack.x, stack.y), strict=True):
-        count = len(scan.positions_mm)
-        lit = _lit_lines(scan)
-        for axes, line in zip(row, (lit[len(lit) // 3], lit[len(lit) // 2]), strict=True):
-            picture = axes.imshow(scan.image(line), origin="lower", cmap="inferno")
-            axes.set(
-                title=f"{scan.axis} scan, line {line + 1} of {count} at {scan.positions_mm[line]:.2f} mm",
-                xlabel="detector column",
-                ylabel="detector row",
-            )
-            mark_x(axes, towards_x)
-            figure.colorbar(picture, ax=axes, fraction=0.06, pad=0.04, label=f"flux [{scan.unit}]")
+    figure = _panels(2, 2, 5.4, 4.7)
+    shown = [(scan, line) for scan in (stack.x, stack.y) for line in shown_lines(scan)]
+    images = [scan.image(line) for scan, line in shown]
+    known = [image[np.isfinite(image)] for image in images]
+    lowest = min((float(one.min()) for one in known if one.size), default=0.0)
+    factor, unit = with_prefix(max((float(one.max()) for one in known if one.size), default=0.0), stack.x.unit)
+    limits = {
+        "vmin": min(0.0, factor * lowest),
+        "vmax": max((factor * one.max() for one in known if one.size), default=1),
+    }
+    for axes, (scan, line), image in zip(tuple(figure.axes), shown, images, strict=True):
+        rows, columns = image.shape
+        picture = axes.imshow(
+            _brightest(image) * factor,
+            origin="lower",
+            extent=(-0.5, columns - 0.5, -0.5, rows - 0.5),
+            cmap=LIGHT,
+            **limits,
+        )
+        axes.set(xlabel="detector column", ylabel="detector row")
+        where = f"{scan.positions_mm[line]:.2f}".replace("-", "\N{MINUS SIGN}")
+        axes.set_title(f"{scan.axis} scan, line {line + 1} of {len(scan.positions_mm)} at {where} mm", fontsize=10)
+        add_millimetres(axes, frame)
+        mark_x(axes, frame.towards if frame else (1.0, 0.0))
+        figure.colorbar(picture, ax=axes, fraction=0.05, pad=0.13, label=f"signal [{unit}]" if unit == "DN" else
+                        f"flux [{unit}]")  # fmt: skip
     return figure
 
 
-def _lit_lines(scan: Scan) -> IntArray:
-    """Numbers of the lines with light, of all pixels together; all of them where none has any."""
+def shown_lines(scan: Scan) -> tuple[int, int]:
+    """Numbers of the lines at a third and at half of those with light, of all pixels together.
+
+    What all lines have alike, such as a camera's offset, is no light of a line.
+    """
     count = len(scan.positions_mm)
     inside = scan.lines < count
     light = np.bincount(scan.lines[inside], np.nan_to_num(scan.mean_w()[inside]), count)
-    lit = np.flatnonzero(light > LIT / 10 * light.max())
-    return lit if lit.size else np.arange(count)
+    light = light - light.min()
+    lit = np.flatnonzero(light > LIT * light.max())
+    lit = lit if lit.size else np.arange(count)
+    return int(lit[len(lit) // 3]), int(lit[len(lit) // 2])
+
+
+def _brightest(image: FloatArray) -> FloatArray:
+    """An image of at most IMAGE_PIXELS along each side: the largest value of each block, so that a line as thin as a
+    pixel does not fade away."""
+    step = -(-max(image.shape) // IMAGE_PIXELS)
+    if step == 1:
+        return image
+    rows, columns = (-(-size // step) for size in image.shape)
+    whole = np.full((rows * step, columns * step), np.nan)
+    whole[: image.shape[0], : image.shape[1]] = image
+    blocks = whole.reshape(rows, step, columns, step)
+    return np.fmax.reduce(np.fmax.reduce(blocks, axis=3), axis=1)
 
 
 def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
@@ -123,7 +169,7 @@ def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:
         centre = centroid[row, column]
         axes.errorbar(position, curve[inside], error[inside], fmt="o", capsize=3, label="images")
         draw_chord(axes, scan, position, curve[inside], centre, diameter)
-        axes.axvline(centre, color="tab:red", lw=1, label=f"centroid {centre:.4f} mm")
+        axes.axvline(centre, color="tab:red", lw=1, label=f"centroid {centre:.4f} mm".replace("-", "\N{MINUS SIGN}"))
         axes.set(
             title=f"{scan.axis} scan, pixel [{row}, {column}]",
             xlabel=f"line {scan.axis} on the screen [mm]",
@@ -157,55 +203,79 @@ def draw_chord(axes: Axes, scan: Scan, position: FloatArray, curve: FloatArray, 
 
 
 def slope_figure(result: Reconstruction) -> Figure:
-    """Measured slopes in both directions."""
-    figure = _panels(1, 2, 5, 4.2)
-    for axes, slope, axis in zip(tuple(figure.axes), (result.slope_x, result.slope_y), "xy", strict=True):
-        _map(figure, axes, result, slope * 1e3, f"slope {axis}", "mrad", "viridis")
+    """Measured slopes less the design's in both directions, on one scale."""
+    figure = _panels(1, 2, 5.4, 4.6, title_lines=2)
+    slopes = {axis: values * 1e6 for axis, values in slopes_from_design(result).items()}
+    limit = signed_limit(list(slopes.values()))
+    for axes, (axis, values) in zip(tuple(figure.axes), slopes.items(), strict=True):
+        _map(figure, axes, result, values, f"slope {axis} from the design", "µrad", limit)
     return figure
 
 
 def height_figure(result: Reconstruction, comparison: Comparison | None) -> Figure:
     """Height, deviation from the design and, if the truth is known, the error of the deviation."""
     count = 2 if comparison is None else 3
-    figure = _panels(1, count, 5, 4.2)
+    figure = _panels(1, count, 5.4, 4.6, title_lines=2)
     axes = tuple(figure.axes)
-    _map(figure, axes[0], result, result.height_mm, "height", "mm", "viridis")
-    deviation = result.levelled(result.deviation_mm) * 1e6
-    _map(figure, axes[1], result, deviation, "deviation, piston and tilt removed", "nm", "RdBu_r")
+    _map(figure, axes[0], result, result.height_mm, "height", "mm", None)
+    maps = {"deviation, piston and tilt removed": result.levelled(result.deviation_mm) * 1e6}
     if comparison is not None:
-        _map(figure, axes[2], result, comparison.error_mm * 1e6, "error, piston and tilt removed", "nm", "RdBu_r")
+        maps["error, piston and tilt removed"] = comparison.error_mm * 1e6
+    for one, (name, values) in zip(axes[1:], maps.items(), strict=True):
+        _map(figure, one, result, values, name, "nm", signed_limit([values]))
     return figure
 
 
 def parts_figure(result: Reconstruction, parts: tuple[ErrorTerm, ...]) -> Figure:
-    """A map for each term of the height error, each with its own scale."""
+    """A map for each term of the height error, on one scale; of small ones ten, a hundred ... times the map."""
     columns = min(4, len(parts))
     rows = -(-len(parts) // columns)
-    figure = _panels(rows, columns, 4.6, 4.0, title_lines=2)
+    figure = _panels(rows, columns, 5.0, 4.4, title_lines=2)
     grid = tuple(figure.axes)
-    for axes, part in zip(grid, parts, strict=False):
-        name = f"{part.name}:\n{part.height_nm:.2g} nm rms"
-        _map(figure, axes, result, part.height_mm * 1e6, name, "nm", "RdBu_r")
+    maps = [part.height_mm * 1e6 for part in parts]
+    limit = signed_limit(maps)
+    for axes, part, values in zip(grid, parts, maps, strict=False):
+        _map(figure, axes, result, values, part.name, "nm", limit, magnified(values, limit))
     for axes in grid[len(parts) :]:
         axes.set_axis_off()
     return figure
 
 
 def _map(
-    figure: Figure, axes: Axes, result: Reconstruction, values: FloatArray, title: str, unit: str, colours: str
+    figure: Figure,
+    axes: Axes,
+    result: Reconstruction,
+    values: FloatArray,
+    name: str,
+    unit: str,
+    limit: float | None,
+    times: int = 1,
 ) -> None:
-    """One map on the detector's grid, labelled with the mirror coordinates of its rows and columns.
+    """One map on the detector's grid, labelled with the mirror coordinates of its rows and columns and with their
+    numbers; its rms and PV in the title.
 
-    Where the grid is turned against the mirror, or seen at a slant, it is labelled with rows and columns.
+    limit: of colours about zero; None for a map that is not about zero. times: that many times the map is shown.
+    Where the grid is turned against the mirror, or seen at a slant, it is labelled with rows and columns alone.
     """
-    limits: dict[str, Any] = {}
-    if colours == "RdBu_r":
-        # single noisy rim pixels do not set the scale; a map of zeros gets scale 1
-        largest = np.nanpercentile(np.abs(values), 99.5) or 1.0
-        limits = {"vmin": -largest, "vmax": largest}
+    colours: dict[str, Any] = {"cmap": SEQUENTIAL}
+    if limit is not None:
+        colours = {"cmap": SIGNED, "vmin": -limit, "vmax": limit}
     frame = MapFrame.of(result.x_mm, result.y_mm, result.mask)
-    picture = axes.imshow(values[frame.cut], origin="lower", extent=frame.extent, cmap=colours, **limits)
-    axes.set(title=title, xlabel=frame.x_label, ylabel=frame.y_label)
+    picture = axes.imshow(times * values[frame.cut], origin="lower", extent=frame.extent, **colours)
+    axes.set(xlabel=frame.x_label, ylabel=frame.y_label)
+    axes.set_title(f"{name}\n{statistics_text(values, unit, limit is not None)}", fontsize=10)
+    if times > 1:
+        outline = [withStroke(linewidth=2, foreground="white")]
+        axes.text(
+            0.03,
+            0.97,
+            f"shown \N{MULTIPLICATION SIGN} {times:,}",
+            transform=axes.transAxes,
+            va="top",
+            fontsize=9,
+            path_effects=outline,
+        )
+    add_pixels(axes, frame)
     mark_x(axes, frame.towards)
     draw_edge(axes, result, frame)
-    figure.colorbar(picture, ax=axes, fraction=0.06, pad=0.04, label=unit)
+    figure.colorbar(picture, ax=axes, fraction=0.05, pad=0.13, label=unit)

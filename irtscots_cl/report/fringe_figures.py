@@ -25,6 +25,7 @@ from irtscots_cl.report.fringe_file import (
     saturated_share,
     weakest_modulation,
 )
+from irtscots_cl.report.map_panel import SEQUENTIAL, SIGNED, add_millimetres
 from irtscots_cl.report.mirror_edge import draw_edge
 from irtscots_cl.system.atomic_files import replacing
 
@@ -42,7 +43,7 @@ class _Map:
     title: str
     unit: str
     values: np.ndarray
-    colours: str = "viridis"
+    colours: str = SEQUENTIAL
     limits: tuple[float, float] | None = None
 
 
@@ -104,7 +105,7 @@ def _quality_maps(maps: FringeMaps) -> list[_Map]:
         _Map("weakest modulation", "amplitude / mean", weakest_modulation(maps.coordinates)),
         _Map("largest phase residual", "rad", np.fmax.reduce([np.fmax.reduce(phase_residual(one)) for one in axes])),
         _Map("noise of a sample", "counts", np.fmax.reduce([noise_map(one) for one in axes])),
-        _Map(title, "part of the first", second, "RdBu_r"),
+        _Map(title, "part of the first", second, SIGNED),
         _Map("saturated samples", "share", np.fmax.reduce([saturated_share(one) for one in axes]), "magma", (0.0, 1.0)),
         _Map("wrong fringe order", "log10 of the probability", wrong, "cividis", (np.log10(LEAST_WRONG), 0.0)),
     ]
@@ -117,7 +118,7 @@ def _limits(one: _Map, values: np.ndarray) -> dict[str, Any]:
     if not known.size:
         return {"vmin": 0.0, "vmax": 1.0}
     low, high = np.percentile(known, QUANTILES)
-    if one.colours == "RdBu_r":
+    if one.colours == SIGNED:
         low, high = -max(-low, high), max(-low, high)
     spare = 0.0 if high > low else 0.1 * abs(low) or 1.0  # one value is drawn in the middle of the scale
     return {"vmin": low - spare, "vmax": high + spare}
@@ -139,9 +140,10 @@ def _draw(figure: Figure, axes: Axes, one: _Map, maps: FringeMaps, result: Recon
     values = upright(one.values, result.nominal.camera.detector.orientation)[frame.cut]
     picture = axes.imshow(values, origin="lower", extent=frame.extent, cmap=one.colours, **_limits(one, values))
     axes.set(title=one.title, xlabel=frame.x_label, ylabel=frame.y_label)
+    add_millimetres(axes, MapFrame.of(result.x_mm, result.y_mm, result.on_mirror))
     mark_x(axes, frame.towards)
     draw_edge(axes, result, frame)
-    figure.colorbar(picture, ax=axes, label=one.unit, shrink=0.8)
+    figure.colorbar(picture, ax=axes, label=one.unit, shrink=0.8, pad=0.16)
 
 
 def _draw_reasons(axes: Axes, reason: IntArray, maps: FringeMaps, result: Reconstruction) -> None:

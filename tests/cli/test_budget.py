@@ -32,7 +32,7 @@ def test_json_and_file(irtscots, small, tmp_path):
     assert data == json.loads((tmp_path / "out" / "budget.json").read_text())
     assert {one["name"] for one in data["sources"]} == set(SOURCES)
     assert sorted(path.name for path in (tmp_path / "out").rglob("*.*")) == [
-        "budget.csv", "budget.h5", "budget.json", "cumulative.png", "maps.png", "tornado.png",
+        "budget.csv", "budget.h5", "budget.json", "cumulative.png", "maps.png", "report.html", "tornado.png",
     ]  # fmt: skip
     with h5py.File(tmp_path / "out" / "budget.h5") as file:
         total = np.nansum([file[f"ledger/{name}"][:] for name in SOURCES], axis=0)

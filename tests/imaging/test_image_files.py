@@ -112,3 +112,15 @@ def test_the_width_of_lines_is_the_scene_s_and_a_file_of_others_is_refused(tmp_p
         read_images(tmp_path / "result.h5", wider)
     with pytest.raises(ValueError, match=r"lines of the x scan are 1 times as wide as far apart.*\[screen.lines\]"):
         measure_by("paper", dataclasses.replace(again, x=dataclasses.replace(again.x, line_width=1.0)), scene.nominal())
+
+
+@pytest.mark.parametrize(("told", "unit"), [("W", "W"), ("DN", "DN"), (None, "DN")])
+def test_images_are_in_the_file_s_unit_and_a_camera_s_counts_where_it_tells_none(tmp_path, told, unit):
+    with h5py.File(tmp_path / "lab.h5", "w") as file:
+        for axis in "xy":
+            file[f"images/{axis}"] = np.ones((3, 4, 5), np.uint16)
+            file[f"lines/{axis}_mm"] = np.arange(3.0)
+            if told:
+                file[f"images/{axis}"].attrs["unit"] = told
+    stack = read_images(tmp_path / "lab.h5")
+    assert (stack.x.unit, stack.y.unit) == (unit, unit)

@@ -23,7 +23,10 @@ def test_titles_of_maps_are_of_their_maps(found):
     """The standard deviation has nothing of the constant, which all tests have alike; a process has one draw."""
     *_, whole = map_figure(found).axes[:6]
     shown = np.asarray(whole.images[0].get_array())
-    assert f": {np.sqrt(np.nanmean(shown**2)):.3g} nm rms" in whole.get_title()
+    assert (
+        f"rms {np.sqrt(np.nanmean(shown**2)):.3g} nm, PV {np.nanmax(shown) - np.nanmin(shown):.3g} nm"
+        in whole.get_title()
+    )
     assert np.nanmax(shown) < 60 < found.linear.nm["camera.diffraction_nm"][0]
     titles = [axes.get_title() for axes in map_figure(found).axes[:5]]
     assert [title for title in titles if "one draw" in title] == [titles[-2]] and "noise.place_mm" in titles[-2]

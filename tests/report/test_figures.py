@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -11,13 +13,17 @@ from synthetic import noise_free_stack, small_scene, with_replicates
 
 from irtscots_cl.analysis.comparison import compare
 from irtscots_cl.analysis.error_terms import ErrorTerm
+from irtscots_cl.imaging.image_stack import ImageStack, Scan
 from irtscots_cl.measurement.reconstruction import reconstruct
+from irtscots_cl.report.fiducial import MapFrame
 from irtscots_cl.report.figures import (
     draw_chord,
     height_figure,
     image_figure,
     light_curve_figure,
     parts_figure,
+    shown_lines,
+    slope_figure,
     write_figures,
 )
 
@@ -65,18 +71,42 @@ def maps_of(figure):
 
 
 def test_images_are_those_of_the_named_lines(run):
-    """Row 0 is at the bottom, as one looks at the mirror."""
-    stack = run[0]
-    pictures = maps_of(image_figure(stack))
+    """Row 0 is at the bottom, as one looks at the mirror; all on one scale, in units that read well."""
+    stack, result, _ = run
+    figure = image_figure(stack, MapFrame.of(result.x_mm, result.y_mm, result.mask))
+    pictures = maps_of(figure)
     expected = []
     for scan in (stack.x, stack.y):
         sums = np.array([scan.image(k).sum() for k in range(len(scan.positions_mm))])
-        lit = np.flatnonzero(sums > 0.01 * sums.max())
+        lit = np.flatnonzero(sums > 0.1 * sums.max())
         assert len(lit) < len(sums)  # lines beside the mirror's light would show a dark detector
         expected += [scan.image(lit[len(lit) // part]) for part in (3, 2)]
+    largest = max(image.max() for image in expected)
     for picture, image in zip(pictures, expected, strict=True):
-        np.testing.assert_array_equal(picture.get_array(), image)
-        assert picture.origin == "lower"
+        np.testing.assert_allclose(picture.get_array(), image * 1e3, rtol=1e-12)  # floats: of the factor
+        assert picture.origin == "lower" and picture.get_clim() == (0.0, pytest.approx(1e3 * largest))
+    assert [axes.get_ylabel() for axes in figure.axes[4:]] == ["flux [mW]"] * 4
+
+
+def test_lines_of_a_large_screen_with_an_offset_are_lit_ones(run):
+    """Of 400 lines ten light the mirror, and a camera adds 100 counts to all pixels of all frames."""
+    rows, lit = 8, np.arange(250, 260)
+    images = np.full((400, rows, rows), 100.0)
+    images[lit, :, 3] += 50.0
+    scan = replace(Scan.from_images("x", np.arange(400.0), images), unit="DN")
+    assert all(line in lit for line in shown_lines(scan))
+    figure = image_figure(ImageStack(scan, replace(scan, axis="y")))
+    assert all(one.get_array().max() == 150.0 for one in maps_of(figure))
+    assert {axes.get_ylabel() for axes in figure.axes[4:]} == {"signal [DN]"}
+
+
+def test_a_line_as_thin_as_a_pixel_is_shown_in_full_brightness(run):
+    images = np.zeros((4, 1500, 1500), np.float32)
+    images[1:3, :, 701] = 7.0
+    scan = Scan.from_images("x", np.arange(4.0), images)
+    shown = maps_of(image_figure(ImageStack(scan, replace(scan, axis="y"))))[0]
+    assert shown.get_array().shape == (375, 375) and (shown.get_array().max(axis=1) == 7.0).all()
+    assert shown.get_extent() == [-0.5, 1499.5, -0.5, 1499.5]
 
 
 def test_the_light_curves_are_of_the_middle_pixel_with_its_centroids(run):
@@ -144,4 +174,37 @@ def test_every_part_of_the_error_has_a_map_of_its_own(run):
     maps = maps_of(figure)
     assert [np.nanmax(np.ma.filled(one.get_array(), np.nan)) for one in maps] == [0.0, 1.0, 2.0, 3.0, 4.0]  # nm
     titles = [axes.get_title() for axes in figure.axes if axes.images]
-    assert titles[3] == "part 3:\n3 nm rms"
+    assert titles[3] == "part 3\nrms 3.00 nm, PV 0 nm"
+    assert len({one.get_clim() for one in maps}) == 1
+
+
+def test_small_parts_of_the_error_are_shown_magnified_and_say_so(run):
+    _, result, _ = run
+    tilt = np.where(result.mask, result.x_mm / np.nanmax(result.x_mm), np.nan) * 1e-6
+    parts = [ErrorTerm(name, (0.0, 0.0), 1.0, tilt * size) for name, size in (("large", 1.0), ("small", 0.003))]
+    large, small = (axes for axes in parts_figure(result, parts).axes if axes.images)
+    assert np.nanmax(small.images[0].get_array()) == pytest.approx(0.3 * np.nanmax(large.images[0].get_array()))
+    assert "shown \N{MULTIPLICATION SIGN} 100" in [text.get_text() for text in small.texts]
+    assert not any("shown" in text.get_text() for text in large.texts)
+
+
+def test_slopes_are_those_from_the_design_on_one_scale(run):
+    """The sphere's own, tens of mrad, would hide them."""
+    _, result, _ = run
+    x, y = maps_of(slope_figure(result))
+    assert x.get_clim() == y.get_clim() and x.get_clim()[1] < 100  # urad
+    sag = np.hypot(result.x_mm, result.y_mm)
+    assert np.nanmax(np.abs(x.get_array())) < 0.01 * 1e6 * np.nanmax(sag) / result.nominal.mirror.radius_mm
+
+
+def test_maps_have_millimetres_and_pixels(run):
+    """The middle of the detector at the mirror's vertex, on both axes of both sides."""
+    _, result, _ = run
+    for axes in height_figure(result, None).axes[:2]:
+        assert axes.get_xlabel() == "mirror x [mm]"
+        top, right = axes.child_axes
+        assert (top.get_xlabel(), right.get_ylabel()) == ("detector column", "detector row")
+        axes.figure.draw_without_rendering()
+        frame = MapFrame.of(result.x_mm, result.y_mm, result.mask)
+        assert top.get_xlim() == pytest.approx((frame.cut[1].start - 0.5, frame.cut[1].stop - 0.5))
+        assert right.get_ylim() == pytest.approx((frame.cut[0].start - 0.5, frame.cut[0].stop - 0.5))

@@ -4,15 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 
 import numpy as np
 
 from irtscots_cl.maths.map_spectrum import radial_psd
 from irtscots_cl.measurement.reconstruction import Reconstruction
+from irtscots_cl.report.table import Table
 
-WIDE, BAR, GAP, LABEL = 640, 16, 6, 190
+WIDE, BAR, GAP, LABEL = 520, 16, 6, 214  # narrow, so that letters stay readable on phones
 IN, OUT, ERROR = "#8a8a8a", "#0b6e99", "#222222"
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A drawing of a page, left out where its svg is empty. table: the same in numbers, beside it; such drawings come
+    first."""
+
+    name: str
+    svg: str
+    caption: str
+    table: Table | None = None
 
 
 def bar_chart(title: str, rows: Sequence[tuple[str, float, float]], unit: str) -> str:
@@ -22,7 +35,7 @@ def bar_chart(title: str, rows: Sequence[tuple[str, float, float]], unit: str) -
     for k, (name, value, error) in enumerate(rows):
         y = k * (BAR + GAP) + GAP
         known = math.isfinite(value)
-        length = (WIDE - LABEL - 110) * (value / most if known else 0.0)
+        length = (WIDE - LABEL - 105) * (value / most if known else 0.0)
         text = f"{value:.3g} {unit}" if known else "not known"
         text += f" ± {error:.1g}" if math.isfinite(error) and known else ""
         parts.append(_label(name, y) + _bar(LABEL, y, length, OUT) + _text(LABEL + length + 6, y, text))
@@ -32,7 +45,7 @@ def bar_chart(title: str, rows: Sequence[tuple[str, float, float]], unit: str) -
 def zernike_chart(rows: Sequence[tuple[str, float | None, float, float]]) -> str:
     """Bars on both sides of zero of (name, put in or None, measured, standard error), in µm."""
     values = [abs(v) for _, given, out, _ in rows for v in (given or 0.0, out) if math.isfinite(v)]
-    most, half = max(values, default=0.0) or 1.0, (WIDE - LABEL - 130) / 2
+    most, half = max(values, default=0.0) or 1.0, (WIDE - LABEL - 115) / 2
     middle, parts = LABEL + half, []
     for k, (name, given, out, error) in enumerate(rows):
         y = k * (BAR + GAP) + GAP
@@ -61,14 +74,14 @@ def ledger_flow(ledger: dict[str, int]) -> str:
         thick = max(height * count / launched, 1.0)
         colour = OUT if name == "detected" else ("#8a8a8a", "#b2772e", "#6f5a9e", "#5d8a3a")[k % 4]
         a, b = y_in + thick / 2, y_out + thick / 2
-        parts.append(f'<path d="M130 {a:.1f}C300 {a:.1f} 260 {b:.1f} 420 {b:.1f}" fill="none" stroke="{colour}" '
+        parts.append(f'<path d="M100 {a:.1f}C210 {a:.1f} 180 {b:.1f} 285 {b:.1f}" fill="none" stroke="{colour}" '
                      f'stroke-opacity="0.75" stroke-width="{thick:.1f}"/>')  # fmt: skip
         text = f"{name.replace('_', ' ')} {count:,} ({count / launched:.2%})"
-        parts.append(f'<text x="428" y="{b + 5:.1f}">{escape(text)}</text>')
+        parts.append(f'<text x="293" y="{b + 5:.1f}">{escape(text)}</text>')
         y_in, y_out = y_in + thick, y_out + max(thick, 0.0) + gap
-    parts.append(f'<rect x="118" y="{top}" width="12" height="{height}" fill="#222"/>')
-    parts.append(f'<text x="110" y="{top + height / 2:.0f}" text-anchor="end">launched</text>')
-    parts.append(f'<text x="110" y="{top + height / 2 + 18:.0f}" text-anchor="end">{launched:,}</text>')
+    parts.append(f'<rect x="88" y="{top}" width="12" height="{height}" fill="#222"/>')
+    parts.append(f'<text x="82" y="{top + height / 2:.0f}" text-anchor="end">launched</text>')
+    parts.append(f'<text x="82" y="{top + height / 2 + 18:.0f}" text-anchor="end">{launched:,}</text>')
     return _frame("Where the rays went", parts, max(y_out, top + height) + 10)
 
 
@@ -84,7 +97,7 @@ def spectrum_chart(result: Reconstruction) -> str:
     x, y = np.log10(psd.frequency_per_mm[good]), np.log10(psd.psd_mm4[good] * 1e12)
     if len(x) < 3:
         return ""
-    left, right, top, bottom = 90, WIDE - 20, 14, 240
+    left, right, top, bottom = 66, WIDE - 20, 14, 240
     across = left + (x - x.min()) / (x.max() - x.min()) * (right - left)
     down = bottom - (y - y.min()) / ((y.max() - y.min()) or 1.0) * (bottom - top)
     way = "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(across, down, strict=True))

@@ -13,7 +13,8 @@ from irtscots_cl.analysis.error_terms import ErrorTerm
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
-from irtscots_cl.report.fiducial import x_direction
+from irtscots_cl.report.design_slopes import slopes_from_design
+from irtscots_cl.report.fiducial import MapFrame, x_direction
 from irtscots_cl.report.page.arrays import packed
 
 MOST_PIXELS = 256  # of a map along its longer side: of larger detectors every so many rows and columns are shown
@@ -41,18 +42,11 @@ def layers_of(
     if comparison is not None:
         layers.append(Layer("error of the deviation", "nm", comparison.error_mm * 1e6, True, True))
     layers.append(Layer("standard error of the height", "nm", error_mm * 1e6))
-    for axis, slope in (("x", result.slope_x), ("y", result.slope_y)):
-        off = _off_design(result, axis, slope) * 1e6
-        layers.append(Layer(f"slope {axis} from the design", "µrad", off, False, True, "slope"))
+    for axis, off in slopes_from_design(result).items():
+        layers.append(Layer(f"slope {axis} from the design", "µrad", off * 1e6, False, True, "slope"))
     layers += [Layer(f"error: {part.name}", "nm", part.height_mm * 1e6, True, True, "parts") for part in parts]
     layers.append(Layer("height of the surface", "mm", result.height_mm))
     return layers
-
-
-def _off_design(result: Reconstruction, axis: str, slope: FloatArray) -> FloatArray:
-    """The slope less the design's at the same point."""
-    design = result.setup.nominal.chief_rays.surface.gradient(result.x_mm, result.y_mm)
-    return np.where(result.mask, slope - design["xy".index(axis)], np.nan)
 
 
 def grid_data(x_mm: FloatArray, y_mm: FloatArray, used: BoolArray, layers: Sequence[Layer]) -> dict[str, Any]:
@@ -67,6 +61,7 @@ def grid_data(x_mm: FloatArray, y_mm: FloatArray, used: BoolArray, layers: Seque
         "columns": used.shape[1],
         "step": step,
         "towards": list(x_direction(x_mm, y_mm)),
+        "mm": _edges_mm(x_mm, y_mm, used),
         "x": packed(x_mm[shown]),
         "y": packed(y_mm[shown]),
         "used": packed(used[shown].astype(np.int32)),
@@ -76,6 +71,23 @@ def grid_data(x_mm: FloatArray, y_mm: FloatArray, used: BoolArray, layers: Seque
             for layer in layers
         ],
     }  # fmt: skip
+
+
+def _edges_mm(x_mm: FloatArray, y_mm: FloatArray, used: BoolArray) -> dict[str, list[float]] | None:
+    """The mirror's x at the left and the right edge of the grid, and its y at the bottom and the top; None where the
+    grid is turned against the mirror or seen at a slant."""
+    if not used.any():
+        return None
+    frame = MapFrame.of(x_mm, y_mm, used)
+    if "mm" not in frame.x_label:
+        return None
+    ends = {}
+    for axis, cut, (low, high), count in (
+        ("x", frame.cut[1], frame.extent[:2], used.shape[1]), ("y", frame.cut[0], frame.extent[2:], used.shape[0]),
+    ):  # fmt: skip
+        pitch = (high - low) / (cut.stop - cut.start)
+        ends[axis] = [low - cut.start * pitch, high + (count - cut.stop) * pitch]
+    return ends
 
 
 def step_of(shape: tuple[int, ...]) -> int:

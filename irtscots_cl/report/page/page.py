@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,16 +14,31 @@ from irtscots_cl.imaging.image_stack import ImageStack
 from irtscots_cl.measurement.error_bars import ErrorBars
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.report.page.curves import curve_data
-from irtscots_cl.report.page.drawings import bar_chart, ledger_flow, spectrum_chart, zernike_chart
+from irtscots_cl.report.page.drawings import Drawing, bar_chart, ledger_flow, spectrum_chart, zernike_chart
 from irtscots_cl.report.page.layers import map_data
 from irtscots_cl.report.page.rendering import rendered
-from irtscots_cl.report.page.words import repeat_command, summary_of_measurement, summary_of_run, term_name
+from irtscots_cl.report.page.setup import setup_data
+from irtscots_cl.report.page.words import (
+    repeat_command,
+    summary_of_measurement,
+    summary_of_result,
+    summary_of_run,
+    term_name,
+)
 from irtscots_cl.report.table import Table
 from irtscots_cl.report.tables import cautions, summary_tables
 from irtscots_cl.report.types import MeasuredFacts, Report
 from irtscots_cl.system.atomic_files import write_text
 
 MOST_TERMS = 24  # bars of Zernike terms, the largest
+ZERNIKE_CAPTION = "Coefficients in µm in Noll's order, the largest, with their standard errors."
+SPECTRUM_CAPTION = "How much of the deviation is at which spatial frequency on the mirror; both scales are logarithmic."
+CAPTIONS = {
+    "quality": "What the images say of each pixel, the worse of both axes, and why pixels of the mirror are not used.",
+    "screen": "Places on the screen that pixels see, their standard error, and how well the series of fringes agree.",
+    "slopes": "Slopes less the design's, on one scale.",
+    "height": "Height of the surface, and its deviation from the design without piston and tilt.",
+}
 
 
 def write_page(
@@ -35,9 +49,8 @@ def write_page(
     comparison: Comparison,
     parts: tuple[ErrorTerm, ...] = (),
     bars: ErrorBars | None = None,
-    draw: bool = True,
 ) -> None:
-    """Write report.html of a simulated run. draw: false to leave out the drawing of the set-up, a picture."""
+    """Write report.html of a simulated run."""
     predicted = report["predicted"]
     split = [
         ("ray noise (simulation)", predicted["height_ray_noise_nm_rms"], math.nan),
@@ -53,10 +66,12 @@ def write_page(
         for row in report["zernike"] if row["noll"] > 3
     ]  # fmt: skip
     drawings = [
-        ("Height error by its parts", bar_chart("Height error in nm rms, piston and tilt removed", split, "nm")),
-        ("Zernike terms: put in (grey) and measured (blue)", zernike_chart(_largest(terms))),
-        ("Spectrum", spectrum_chart(result)),
-        ("Rays", ledger_flow(cast("dict[str, int]", report["ledger"])) if report["ledger"]["launched"] else ""),
+        Drawing("Height error by its parts", bar_chart("Height error in nm rms, piston and tilt removed", split, "nm"),
+         "Predicted parts of the height error, their sum, and the actual error: nm rms, piston and tilt removed."),
+        Drawing("Zernike terms: put in (grey) and measured (blue)", zernike_chart(_largest(terms)), ZERNIKE_CAPTION),
+        Drawing("Spectrum", spectrum_chart(result), SPECTRUM_CAPTION),
+        Drawing("Rays", ledger_flow(cast("dict[str, int]", report["ledger"])) if report["ledger"]["launched"] else "",
+         "Where the launched rays ended; widths are shares."),
     ]  # fmt: skip
     _write(path, {
         "title": f"{report['scene']}: simulated test", "summary": summary_of_run(report),
@@ -65,8 +80,8 @@ def write_page(
         "facts": [("device", f"{report['device']['name']} ({report['device']['driver']})"),
                   *((f"version of {name}", value) for name, value in report["versions"].items())],
         "toml": result.nominal.to_toml(),
-    }, {"maps": map_data(result, bars, comparison, parts), "curves": curve_data(stack)},
-        _setup_picture(result) if draw else "")  # fmt: skip
+    }, {"maps": map_data(result, bars, comparison, parts), "curves": curve_data(stack),
+        "setup": setup_data(result.nominal)})  # fmt: skip
 
 
 def write_measured_page(
@@ -85,14 +100,16 @@ def write_measured_page(
         (term_name(row["noll"]), None, row["output_um"], row["standard_error_um"])
         for row in facts["zernike"] if row["noll"] > 3
     ]  # fmt: skip
-    drawings = [("Zernike terms", zernike_chart(_largest(terms))), ("Spectrum", spectrum_chart(result))]
+    drawings = [Drawing("Zernike terms", zernike_chart(_largest(terms)), ZERNIKE_CAPTION),
+                Drawing("Spectrum", spectrum_chart(result), SPECTRUM_CAPTION)]  # fmt: skip
     _write(path, {
         "title": f"{facts['scene']}: measured by {facts['measure']}", "summary": summary_of_measurement(facts),
         "command": "", "cautions": cautions(facts), "checks": facts["checks"], "tables": measurement_tables(facts),
         "drawings": drawings, "facts": [], "toml": result.nominal.to_toml(),
-        "pictures": [(picture.stem.replace("_", " "), _text_of(picture.read_bytes())) for picture in pictures],
-    }, {"maps": map_data(result, bars, None, ()), "curves": stack and curve_data(stack)},
-        _setup_picture(result))  # fmt: skip
+        "pictures": [(picture.stem.replace("_", " "), _text_of(picture.read_bytes()),
+                      CAPTIONS.get(picture.stem, "")) for picture in pictures],
+    }, {"maps": map_data(result, bars, None, ()), "curves": stack and curve_data(stack),
+        "setup": setup_data(result.nominal)})  # fmt: skip
 
 
 def _largest(terms: list[tuple[str, Any, float, float]]) -> list[tuple[str, Any, float, float]]:
@@ -106,31 +123,22 @@ def page_of(result: Reconstruction, comparison: Comparison | None = None, stack:
     """The text of a page of a result in Python: its maps, light curves of line scans, and the set-up."""
     table = Table("Result", ("", ""), tuple(result.summary().items()))
     return _page({
-        "title": f"{result.nominal.name}: measured", "summary": "", "command": "", "cautions": [], "checks": [],
-        "tables": [table], "drawings": [("Spectrum", spectrum_chart(result))], "facts": [], "pictures": [],
+        "title": f"{result.nominal.name}: measured", "summary": summary_of_result(result), "command": "",
+        "cautions": [], "checks": [], "tables": [table], "facts": [], "pictures": [],
+        "drawings": [Drawing("Spectrum", spectrum_chart(result), SPECTRUM_CAPTION)],
         "toml": result.nominal.to_toml(),
-    }, {"maps": map_data(result, None, comparison, ()), "curves": stack and curve_data(stack)},
-        _setup_picture(result))  # fmt: skip
+    }, {"maps": map_data(result, None, comparison, ()), "curves": stack and curve_data(stack),
+        "setup": setup_data(result.nominal)})  # fmt: skip
 
 
-def _write(path: Path, words: dict[str, Any], data: dict[str, Any], setup: str) -> None:
-    write_text(path, _page(words, data, setup))
+def _write(path: Path, words: dict[str, Any], data: dict[str, Any]) -> None:
+    write_text(path, _page(words, data))
 
 
-def _page(words: dict[str, Any], data: dict[str, Any], setup: str) -> str:
+def _page(words: dict[str, Any], data: dict[str, Any]) -> str:
     failed = [check for check in words["checks"] if check["level"] != "ok"]
-    words |= {"failed": failed, "passed": len(words["checks"]) - len(failed), "setup": setup}
-    return rendered("report", words, data)
-
-
-def _setup_picture(result: Reconstruction) -> str:
-    """The set-up's drawing as the text of a PNG file."""
-    from irtscots_cl.planning.sight import Sight
-    from irtscots_cl.report.setup_drawing import setup_figure
-
-    buffer = io.BytesIO()
-    setup_figure(Sight.of(result.nominal)).savefig(buffer, dpi=90, format="png")
-    return _text_of(buffer.getvalue())
+    words |= {"failed": failed, "passed": len(words["checks"]) - len(failed)}
+    return rendered("report", words, data, ("maps.js", "setup.js"))
 
 
 def _text_of(data: bytes) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -18,18 +19,23 @@ def template(name: str, escape: bool = True) -> Template:
 
     folder = files("irtscots_cl.report") / "templates"
     loader = jinja2.FunctionLoader(lambda part: (folder / part).read_text(encoding="utf-8"))
-    return jinja2.Environment(loader=loader, autoescape=escape, trim_blocks=True, lstrip_blocks=True).get_template(name)
+    environment = jinja2.Environment(loader=loader, autoescape=escape, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["signs"] = with_signs
+    return environment.get_template(name)
 
 
-def rendered(name: str, words: dict[str, Any], data: dict[str, Any]) -> str:
-    """The text of templates/NAME.html with report.css, maps.js, NAME.js, and data as JSON in it.
+def with_signs(text: str) -> str:
+    """A text of the terminal, which is ASCII, with the signs of print: µm, µrad, ± (one code point each)."""
+    return re.sub(r"\bu(?=(m|rad)\b)", "µ", text).replace("+- ", "± ")
+
+
+def rendered(name: str, words: dict[str, Any], data: dict[str, Any], scripts: tuple[str, ...] = ("maps.js",)) -> str:
+    """The text of templates/NAME.html with report.css, scripts, NAME.js, and data as JSON in it.
 
     words: what the template names, `title` among them.
     """
     folder = files("irtscots_cl.report") / "templates"
-    css, maps, script = (
-        (folder / part).read_text(encoding="utf-8") for part in ("report.css", "maps.js", f"{name}.js")
-    )
+    css, *js = ((folder / part).read_text(encoding="utf-8") for part in ("report.css", *scripts, f"{name}.js"))
     # "</" would end the script element
     text = json.dumps(plain(data), allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
-    return template(f"{name}.html").render(**words, data=text, css=css, js=maps + script)
+    return template(f"{name}.html").render(**words, data=text, css=css, js="\n".join(js))

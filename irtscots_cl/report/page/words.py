@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 import shlex
 
+import numpy as np
+
+from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.report.types import MeasuredFacts, Report
 from irtscots_cl.tracing.options import ANALYTIC
 
@@ -42,6 +45,16 @@ def summary_of_measurement(facts: MeasuredFacts) -> str:
     text += f"{pv / WAVE_NM:.2g} waves of 632.8 nm"
     error = facts["height_standard_error_nm"]
     return text + (f"; noise alone makes it uncertain by {error:.3g} nm." if math.isfinite(error) else ".")
+
+
+def summary_of_result(result: Reconstruction) -> str:
+    """One sentence of a result in Python: the deviation from the design."""
+    off = result.levelled(result.deviation_mm) * 1e6
+    rms, pv = math.sqrt(np.nanmean(off**2)), np.nanmax(off) - np.nanmin(off)
+    text = (
+        f"The mirror of {result.nominal.name} deviates from its design by {rms:.4g} nm rms and {pv:.4g} nm from peak "
+    )
+    return text + f"to valley over {int(result.height_mask.sum()):,} pixels, piston and tilt removed."
 
 
 def _nm(value: float, error: float) -> str:

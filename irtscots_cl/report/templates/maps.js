@@ -32,6 +32,9 @@ function digits(value, count = 5) {
     : String(Number(value.toPrecision(count)));
 }
 
+// To a micrometre, without -0.
+function millimetres(value) { return Number.isFinite(value) ? (Math.round(value * 1000) / 1000 + 0).toFixed(3) : "–"; }
+
 // The least-squares fit of the first `count` of 1, x, y, power, astigmatism (2), coma (2) over the used pixels, taken
 // off the values; NaN elsewhere. With 0 terms the values of the used pixels as they are.
 function withoutTerms(values, x, y, used, count) {
@@ -102,47 +105,98 @@ function paint(canvas, values, rows, columns, table, low, high) {
   return zoom;
 }
 
-function paintBar(canvas, table, low, high, unit) {
-  canvas.width = 560; canvas.height = 44;
+// A canvas's context in CSS pixels, as wide as its place, so that letters keep their size on phones.
+function sized(canvas, most, high) {
+  const wide = Math.min(most, canvas.parentElement.clientWidth || most), ratio = window.devicePixelRatio || 1;
+  canvas.width = Math.round(wide * ratio); canvas.height = Math.round(high * ratio);
+  canvas.style.width = `${wide}px`;
   const context = canvas.getContext("2d");
-  for (let k = 0; k < 540; k++) {
-    context.fillStyle = `rgb(${colour(table, k / 539).map(Math.round).join(" ")})`;
-    context.fillRect(10 + k, 2, 1, 16);
+  context.scale(ratio, ratio);
+  return [context, wide];
+}
+
+// Of a canvas that its style stretches: how many of its own pixels a CSS pixel has.
+function stretch(canvas) { return canvas.clientWidth ? canvas.width / canvas.clientWidth : 1; }
+
+function paintBar(canvas, table, low, high, unit) {
+  const [context, wide] = sized(canvas, 544, 44), inner = wide - 20;
+  for (let k = 0; k < inner; k++) {
+    context.fillStyle = `rgb(${colour(table, k / (inner - 1)).map(Math.round).join(" ")})`;
+    context.fillRect(10 + k, 2, 1.5, 16);
   }
   context.fillStyle = "#1c1c1c"; context.font = "14px system-ui, sans-serif";
   context.fillText(`${digits(low, 3)} ${unit}`, 10, 36);
   const end = `${digits(high, 3)} ${unit}`;
-  context.fillText(end, 550 - context.measureText(end).width, 36);
+  context.fillText(end, wide - 10 - context.measureText(end).width, 36);
   const middle = digits((low + high) / 2, 3);
-  context.fillText(middle, 280 - context.measureText(middle).width / 2, 36);
+  context.fillText(middle, wide / 2 - context.measureText(middle).width / 2, 36);
+}
+
+// Numbers along the four sides of the map: the mirror's millimetres below and on the left, the detector's pixels above
+// and on the right. mm: { x: [at the left edge, at the right edge], y: [bottom, top] }, or null where the grid is turned.
+function rulers({ rows, columns, mm }) {
+  const side = (id, low, high, across, name) => {
+    const ruler = byId(id), all = [], bold = document.createElement("b");
+    for (const value of nice(low, high)) {
+      const share = 100 * (value - low) / (high - low), span = document.createElement("span");
+      span.textContent = String(value).replace("-", "−");
+      if (across) span.style.cssText = `left: ${share}%; transform: translateX(-50%); ${id === "map-top" ? "bottom" : "top"}: 0`;
+      else span.style.cssText = `bottom: ${share}%; transform: translateY(50%); ${id === "map-left" ? "right" : "left"}: .25rem`;
+      all.push(span);
+    }
+    bold.textContent = name;
+    bold.style.cssText = { "map-top": "left: -2.2rem; bottom: 0", "map-bottom": "right: -2rem; top: 0", "map-left": "right: .2rem; bottom: -1.2rem", "map-right": "left: .2rem; top: -1.2rem" }[id];
+    ruler.replaceChildren(...all, bold);
+  };
+  side("map-top", -0.5, columns - 0.5, true, "col");
+  side("map-right", -0.5, rows - 0.5, false, "row");
+  if (mm) { side("map-bottom", ...mm.x, true, "mm"); side("map-left", ...mm.y, false, "mm"); }
+  else for (const id of ["map-bottom", "map-left"]) byId(id).replaceChildren();
+}
+
+// Up to six round numbers between two.
+function nice(low, high) {
+  const rough = Math.abs(high - low) / 5, power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * ([1, 2, 5, 10].find((m) => m * power >= rough) ?? 10), all = [];
+  const [from, to] = low < high ? [low, high] : [high, low];
+  for (let k = Math.ceil(from / step); k * step <= to; k++) all.push(Number((k * step).toPrecision(6)));
+  return all;
 }
 
 // The fiducial of a map: an arrow to the mirror's +x, [columns, rows] of the camera, in the lower left corner.
 function markX(context, [tx, ty], zoom, rows, columns) {
-  const size = zoom * Math.max(rows, columns) / 14, x = 0.9 * size, y = zoom * rows - 0.9 * size;
+  const size = zoom * Math.max(rows, columns) / 14, x = 0.9 * size, y = zoom * rows - 0.9 * size, unit = stretch(context.canvas);
   const tip = [x + tx * size / 2, y - ty * size / 2], tail = [x - tx * size / 2, y + ty * size / 2];
   context.lineWidth = 2; context.strokeStyle = context.fillStyle = "#000";
   context.beginPath(); context.moveTo(...tail); context.lineTo(...tip); context.stroke();
   context.beginPath(); context.moveTo(tip[0] + tx * 8, tip[1] - ty * 8);
   context.lineTo(tip[0] - ty * 5, tip[1] - tx * 5); context.lineTo(tip[0] + ty * 5, tip[1] + tx * 5); context.fill();
-  context.font = "14px system-ui, sans-serif"; context.fillText("+x", tip[0] + tx * 12, tip[1] - ty * 12 + 5);
+  context.font = `${14 * unit}px system-ui, sans-serif`; context.fillText("+x", tip[0] + tx * 8 * unit, tip[1] - ty * 8 * unit + 5);
+}
+
+// rms and PV in the upper left corner of a map.
+function writeStatistics(canvas, s, unit) {
+  const context = canvas.getContext("2d"), size = 13 * stretch(canvas);
+  context.font = `${size}px system-ui, sans-serif`; context.fillStyle = "#000"; context.strokeStyle = "#fff"; context.lineWidth = size / 4;
+  [`rms ${digits(s.rms, 3)} ${unit}`, `PV ${digits(s.pv, 3)} ${unit}`].forEach((text, k) => {
+    context.strokeText(text, size / 2, size * (1.3 + 1.25 * k)); context.fillText(text, size / 2, size * (1.3 + 1.25 * k));
+  });
 }
 
 // A curve with axes; points: [[x, y], ...]; mark: an x with a vertical line, or NaN.
 function plot(canvas, points, xText, yText, mark = NaN) {
-  canvas.width = 560; canvas.height = 260;
-  const context = canvas.getContext("2d"), known = points.filter((p) => Number.isFinite(p[0] + p[1]));
-  context.fillStyle = "#fff"; context.fillRect(0, 0, 560, 260);
+  const [context, wide] = sized(canvas, 560, 260), known = points.filter((p) => Number.isFinite(p[0] + p[1])), right = wide - 20;
+  context.fillStyle = "#fff"; context.fillRect(0, 0, wide, 260);
   context.fillStyle = "#1c1c1c"; context.font = "13px system-ui, sans-serif";
-  if (!known.length) { context.fillText("no samples", 240, 130); return; }
+  if (!known.length) { context.textAlign = "center"; context.fillText("no samples", wide / 2, 130); return; }
   const span = (k) => [Math.min(...known.map((p) => p[k])), Math.max(...known.map((p) => p[k]))];
   const [x0, x1] = span(0), [y0, y1] = span(1);
-  const px = (x) => 70 + (x - x0) / ((x1 - x0) || 1) * 470, py = (y) => 210 - (y - y0) / ((y1 - y0) || 1) * 190;
-  context.strokeStyle = "#1c1c1c"; context.strokeRect(70, 20, 470, 190);
+  const px = (x) => 70 + (x - x0) / ((x1 - x0) || 1) * (right - 70), py = (y) => 210 - (y - y0) / ((y1 - y0) || 1) * 190;
+  context.strokeStyle = "#1c1c1c"; context.strokeRect(70, 20, right - 70, 190);
   for (const [x, align] of [[x0, "left"], [x1, "right"]]) { context.textAlign = align; context.fillText(digits(x, 4), px(x), 228); }
   context.textAlign = "right";
   context.fillText(digits(y1, 3), 66, 30); context.fillText(digits(y0, 3), 66, 210);
-  context.textAlign = "center"; context.fillText(xText, 305, 248);
+  context.textAlign = "center"; context.fillText(xText, (70 + right) / 2, 248, right - 70);
   context.textAlign = "left"; context.fillText(yText, 74, 14);
   context.strokeStyle = context.fillStyle = "#0b5d83"; context.lineWidth = 1.5; context.beginPath();
   known.forEach((p, k) => (k ? context.lineTo(px(p[0]), py(p[1])) : context.moveTo(px(p[0]), py(p[1]))));

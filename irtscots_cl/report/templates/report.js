@@ -1,5 +1,7 @@
 // Maps, light curves and camera frames of a measurement, by the functions of maps.js.
 
+const MOST_TOLD = 16;  // layers whose values are told of a pixel
+
 class MapView {
   constructor(maps, parts, curves) {
     Object.assign(this, { maps, ...parts, curves });
@@ -12,8 +14,16 @@ class MapView {
     const canvas = byId("map");
     canvas.addEventListener("pointerdown", (event) => this.press(event));
     canvas.addEventListener("keydown", (event) => this.key(event));
+    window.addEventListener("resize", () => this.draw());
     byId("maps").hidden = false;
+    rulers(maps);
     this.draw();
+  }
+
+  // Row and column on the detector of a pixel of the maps.
+  place(n) {
+    const { step, first = [0, 0] } = this.maps;
+    return [first[0] + step * Math.floor(n / this.columns), first[1] + step * (n % this.columns)];
   }
 
   // The used pixel nearest to the middle of the used ones.
@@ -50,13 +60,15 @@ class MapView {
     this.values = this.valuesOf(k);
     byId("terms").disabled = !layer.heights;
     const [low, high] = this.limits(), table = layer.signed ? SIGNED : SEQUENTIAL, s = statistics(this.values);
-    this.mark(paint(byId("map"), this.values, this.rows, this.columns, table, low, high));
+    const zoom = paint(byId("map"), this.values, this.rows, this.columns, table, low, high);
+    writeStatistics(byId("map"), s, layer.unit);
+    this.mark(zoom);
     paintBar(byId("bar"), table, low, high, layer.unit);
     const removed = layer.heights ? `, removed: ${byId("terms").selectedOptions[0].text}` : "";
     const waves = layer.unit === "nm" ? ` (${digits(s.rms / 632.8, 3)} waves of 632.8 nm)` : "";
     byId("statistics").textContent = `${layer.name}${removed}: rms ${digits(s.rms, 4)} ${layer.unit}${waves}, PV ${digits(s.pv, 4)} ${layer.unit}, ${s.count} pixels`;
-    const every = this.maps.step > 1 ? ` Every ${this.maps.step}th row and column is shown.` : "";
-    byId("caption").textContent = `${layer.name} [${layer.unit}], seen from the camera; the arrow points to the mirror's +x. Click a pixel for its numbers.${every}`;
+    const every = this.maps.step > 1 ? ` Of ${this.maps.step} rows and columns one is shown.` : "";
+    byId("caption").textContent = `${layer.name} [${layer.unit}], seen from the camera; the arrow points to the mirror's +x. Click a pixel for its numbers, or move with the arrow keys.${every}`;
     this.tell();
     this.profile();
   }
@@ -86,41 +98,51 @@ class MapView {
   press(event) {
     const [column, row] = this.at(event);
     if (!this.drawing) { this.choose(row * this.columns + column); return; }
-    this.line = this.line.length === 1 ? [this.line[0], [column, row]] : [[column, row]];
+    this.end([column, row]);
+  }
+
+  // One end of the profile line.
+  end(place) {
+    this.line = this.line.length === 1 ? [this.line[0], place] : [place];
     if (this.line.length === 2) { this.drawing = false; byId("draw-line").setAttribute("aria-pressed", "false"); }
     this.draw();
   }
 
   key(event) {
+    if (this.drawing && event.key === "Enter") { this.end([this.chosen % this.columns, Math.floor(this.chosen / this.columns)]); return; }
     const step = { ArrowLeft: -1, ArrowRight: 1, ArrowUp: this.columns, ArrowDown: -this.columns }[event.key];
     if (step === undefined) return;
     event.preventDefault();
-    this.choose(Math.min(Math.max(this.chosen + step, 0), this.values.length - 1));
+    const next = this.chosen + step, column = this.chosen % this.columns;
+    if (next < 0 || next >= this.values.length || Math.abs(next % this.columns - column) > 1) return;  // at the edge
+    this.choose(next);
   }
 
   // Also tells a page around this one, such as a notebook.
   choose(n) {
     this.chosen = n;
     this.draw();
-    const step = this.maps.step, row = step * Math.floor(n / this.columns), column = step * (n % this.columns);
-    if (window.parent !== window) window.parent.postMessage({ chosen: [row, column] }, "*");
+    if (window.parent !== window) window.parent.postMessage({ chosen: this.place(n) }, "*");
   }
 
+  // The ends are chosen by clicks, or with the arrow keys and Enter.
   startLine() { this.drawing = !this.drawing; this.line = []; byId("draw-line").setAttribute("aria-pressed", String(this.drawing)); this.draw(); }
 
   // The numbers of the chosen pixel, and its light curves.
   tell() {
-    const n = this.chosen, step = this.maps.step, row = step * Math.floor(n / this.columns), column = step * (n % this.columns);
-    const rows = [["row, column", `${row}, ${column}`], ["mirror x, y", `${digits(this.x[n])}, ${digits(this.y[n])} mm`],
+    const n = this.chosen, [row, column] = this.place(n);
+    const rows = [["row, column", `${row}, ${column}`], ["mirror x, y", `${millimetres(this.x[n])}, ${millimetres(this.y[n])} mm`],
       ["flag", ["used", "empty", "clipped", "stray", "saturated", "masked"][this.flags[n]] ?? String(this.flags[n])]];
     this.maps.details.forEach((detail, k) => rows.push([detail.name, `${digits(this.details[k][n], 7)} ${detail.unit}`]));
-    this.maps.layers.forEach((layer, k) => rows.push([layer.name, `${digits(this.layers[k][n], 6)} ${layer.unit}`]));
+    const many = this.maps.layers.length > MOST_TOLD;  // then those alone that the shown one is one of
+    this.maps.layers.forEach((layer, k) => (many && layer.group !== this.layer.group) || rows.push([layer.name, `${digits(this.layers[k][n], 6)} ${layer.unit}`]));
     rows.push(["shown, terms removed", `${digits(this.values[n], 6)} ${this.layer.unit}`]);
     byId("pixel").tBodies[0].replaceChildren(...rows.map(([name, text]) => {
       const line = document.createElement("tr"), head = document.createElement("th"), cell = document.createElement("td");
       head.scope = "row"; head.textContent = name; cell.textContent = text; line.append(head, cell);
       return line;
     }));
+    byId("pixel-said").textContent = `pixel ${row}, ${column}: ${this.layer.name} ${digits(this.values[n], 4)} ${this.layer.unit}`;
     if (this.curves) this.drawCurves(row, column);
   }
 
@@ -154,12 +176,15 @@ class MapView {
 }
 
 class FrameView {
-  constructor(maps, curves) {
-    Object.assign(this, { maps, curves });
+  constructor(map, setup) {
+    Object.assign(this, { map, setup, maps: map.maps, curves: map.curves });
+    const { curves } = map;
     curves.scans.forEach((scan, k) => byId("scan").add(new Option(`${scan.axis}: ${scan.places_mm.length} lines`, k)));
     byId("scan").addEventListener("change", () => this.start());
     byId("line").addEventListener("input", () => this.draw());
-    byId("frames").hidden = false;
+    for (const id of ["frames", "frame-controls", "line-caption"]) byId(id).hidden = false;
+    byId("setup-title").textContent = "Set-up and camera frames";
+    window.addEventListener("resize", () => this.draw());
     this.start();
   }
 
@@ -189,12 +214,30 @@ class FrameView {
     });
     paint(byId("frame"), values, rows, columns, SEQUENTIAL, 0, this.most);
     paintBar(byId("frame-bar"), SEQUENTIAL, 0, this.most, scan.unit);
+    this.setup.show({ axis: scan.axis, place: scan.places_mm[line], rays: this.rays(scan, line) });
     byId("line-text").textContent = `line ${line + 1} of ${scan.places_mm.length}, at ${digits(scan.places_mm[line], 4)} mm`;
+  }
+
+  // The light of a line, spread over the pixels that it lights: [u, v] on the screen, x, y, z on the mirror. The other
+  // coordinate on the screen is the pixel's centroid.
+  rays(scan, line) {
+    const { map } = this, k = map.curves.scans.indexOf(scan), step = map.maps.step, height = map.maps.layers.findIndex((l) => l.unit === "mm");
+    const lit = [];
+    scan.pixels.forEach((pixel, n) => {
+      const w = line - scan.first[n], m = Math.round(Math.floor(pixel / map.maps.columns) / step) * map.columns + Math.round(pixel % map.maps.columns / step);
+      const flux = w >= 0 && w < scan.window ? scan.samples[n * scan.window + w] : 0, z = map.layers[height][m], other = map.details[3 - k][m];
+      if (flux > 0.5 * this.most && map.used[m] && Number.isFinite(z + other)) lit.push([...(k ? [other, scan.places_mm[line]] : [scan.places_mm[line], other]), map.x[m], map.y[m], z]);
+    });
+    lit.sort((a, b) => a[1 - k] - b[1 - k]);
+    const count = Math.min(LINE_RAYS, lit.length);
+    return Array.from({ length: count }, (_, i) => lit[count > 1 ? Math.round(i * (lit.length - 1) / (count - 1)) : 0]);
   }
 }
 
 async function main() {
-  const { maps, curves } = JSON.parse(byId("data").textContent);
+  const { maps, curves, setup } = JSON.parse(byId("data").textContent);
+  const drawing = new SetupView(setup);
+  if (!maps) { document.documentElement.dataset.ready = "yes"; return null; }
   const parts = {};
   for (const name of ["x", "y", "used", "flags"]) parts[name] = await unpack(maps[name]);
   parts.details = await Promise.all(maps.details.map((detail) => unpack(detail.map)));
@@ -205,7 +248,7 @@ async function main() {
     scan.index = new Map(Array.from(scan.pixels, (pixel, n) => [pixel, n]));
   }
   const view = new MapView(maps, parts, curves);
-  if (curves) new FrameView(maps, curves);
+  if (curves) new FrameView(view, drawing);
   document.documentElement.dataset.ready = "yes";
   return view;
 }

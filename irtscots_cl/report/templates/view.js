@@ -55,7 +55,10 @@ class RunsView {
     let low = Math.min(...scaled.map((s) => s.low)), high = Math.max(...scaled.map((s) => s.high));
     const signed = layer.signed || show === "difference", table = signed ? SIGNED : SEQUENTIAL, s = statistics(values);
     if (signed) { high = Math.max(Math.abs(low), Math.abs(high)) || 1; low = -high; }
-    this.mark(paint(byId("map"), values, ...this.size, table, low, high));
+    const zoom = paint(byId("map"), values, ...this.size, table, low, high);
+    rulers(this.run);
+    writeStatistics(byId("map"), s, layer.unit);
+    this.mark(zoom);
     paintBar(byId("bar"), table, low, high, layer.unit);
     const removed = layer.heights ? `, removed: ${byId("terms").selectedOptions[0].text}` : "";
     byId("statistics").textContent = `${said}: ${layer.name}${removed}: rms ${digits(s.rms, 4)} ${layer.unit}, PV ${digits(s.pv, 4)} ${layer.unit}, ${s.count} pixels`;

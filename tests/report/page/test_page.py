@@ -17,6 +17,7 @@ from irtscots_cl.pipeline.output import write_run
 from irtscots_cl.pipeline.simulate import simulate
 from irtscots_cl.report.page.arrays import packed
 from irtscots_cl.report.page.drawings import bar_chart, ledger_flow, zernike_chart
+from irtscots_cl.report.page.rendering import with_signs
 from irtscots_cl.report.tables import summary_tables
 from tests.support.synthetic import small_scene
 
@@ -70,7 +71,7 @@ def test_the_file_needs_nothing_else(html, run):
     assert not re.findall(r'(?:src|href)="(?!data:)', html) and "url(" not in html and "@import" not in html
     for table in summary_tables(run.report):
         rows = [row for row in table.rows if row[0] != "seconds"]  # the page's own are not over when it is written
-        assert all(cell in html.replace("&#39;", "'") for row in rows for cell in row)
+        assert all(with_signs(cell) in html.replace("&#39;", "'") for row in rows for cell in row)
     assert "irtscots run sphere-deviated --estimator analytic" in html
 
 
@@ -207,3 +208,77 @@ def test_nothing_serious_for_those_who_see_or_point_otherwise(page):
     found = axe.Axe().run(page).response["violations"]
     assert [(one["id"], one["impact"]) for one in found if one["impact"] in ("serious", "critical")] == []
     assert json.dumps(found) is not None
+
+
+def test_all_controls_are_reached_by_keys_and_show_the_focus(page):
+    reached = []
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        found = page.evaluate(
+            "() => { const a = document.activeElement, s = getComputedStyle(a);"
+            " return [a.id || a.tagName.toLowerCase(), s.outlineStyle, parseFloat(s.outlineWidth)]; }"
+        )
+        reached.append(found[0])
+        assert found[0] == "body" or (found[1] != "none" and found[2] >= 2), found
+    wanted = page.evaluate(
+        "() => [...document.querySelectorAll('select, input, button, canvas[tabindex], summary')]"
+        ".filter((e) => e.checkVisibility()).map((e) => e.id || e.tagName.toLowerCase())"
+    )
+    assert {"layer", "terms", "scale", "draw-line", "map", "scan", "line", "rays", "summary"} <= set(wanted)
+    assert set(wanted) <= set(reached)
+
+
+def test_the_chosen_pixel_is_told_to_who_listens(page, run):
+    said = page.locator("#pixel-said")
+    assert said.get_attribute("role") == "status"
+    page.locator("#map").press("ArrowUp")
+    row, column = (int(n) for n in re.match(r"pixel (\d+), (\d+): deviation", said.text_content()).groups())
+    value = float(said.text_content().split()[-2])
+    deviation = run.result.levelled(run.result.deviation_mm)[row, column] * 1e6
+    assert value == pytest.approx(deviation, rel=1e-3) and numbers(page)["row, column"] == f"{row}, {column}"
+
+
+def test_arrow_keys_stay_in_their_row_at_the_edge(page):
+    row = numbers(page)["row, column"].split(",")[0]
+    for _ in range(70):
+        page.locator("#map").press("ArrowLeft")
+    assert numbers(page)["row, column"] == f"{row}, 0"
+
+
+def test_a_profile_line_is_drawn_by_keys(page):
+    page.locator("#draw-line").press("Enter")
+    map_ = page.locator("#map")
+    map_.press("Enter")
+    for _ in range(5):
+        map_.press("ArrowRight")
+    assert page.locator("#profile").is_hidden()
+    map_.press("Enter")
+    assert page.locator("#profile").is_visible() and page.get_attribute("#draw-line", "aria-pressed") == "false"
+
+
+def test_the_map_has_millimetres_and_pixels_at_its_sides(page, run):
+    """The number 0 mm stands where the mirror's x is 0: in the middle of the detector, pixel 30 of 61."""
+    left = page.eval_on_selector_all(
+        "#map-bottom span", "all => all.filter((e) => e.textContent === '0')[0].style.left"
+    )
+    assert float(left.rstrip("%")) == pytest.approx(50, abs=1.0)
+    told = page.locator("#map-left span").all_inner_texts()
+    assert "0" in told and any(text.startswith("\N{MINUS SIGN}") for text in told)
+    assert page.locator("#map-top span").all_inner_texts()[:2] == ["0", "20"]
+
+
+def test_letters_keep_their_size_on_phones(browser, folder):
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.goto((folder / "report.html").as_uri())
+    page.wait_for_selector("html[data-ready=yes]")
+    for name in ("curve-x", "bar"):
+        ratio = page.evaluate(
+            f"() => {{ const c = document.getElementById('{name}'); return c.width / c.clientWidth; }}"
+        )
+        assert ratio == pytest.approx(1.0, abs=0.02)  # one canvas pixel a CSS pixel: 13 px letters are 13 px
+    page.close()
+
+
+def test_signs_of_print():
+    assert with_signs("out [um], 3.1 +- 0.2 urad, sum, maximum um") == "out [µm], 3.1 ± 0.2 µrad, sum, maximum µm"
+    assert "\N{GREEK SMALL LETTER MU}" not in with_signs("um urad")
