@@ -1,3 +1,4 @@
+# PYTHON_ARGCOMPLETE_OK
 """The program: `python -m irtscots_cl` is the command `irtscots`."""
 
 import os

@@ -61,7 +61,12 @@ COMMANDS = tuple(module for group in GROUPS.values() for module in group)
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command and return the exit code. Every expected failure prints one line on stderr."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    if "_ARGCOMPLETE" in os.environ:  # a shell completes a line; else the extra costs nothing
+        from irtscots_cl.cli.completion import answer
+
+        answer(parser)
+    options = parser.parse_args(arguments)
     with interruption.handled():
         return _run(options)
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
-from irtscots_cl.cli.common import DEVICE_HELP, command, print_json, print_tables
+from irtscots_cl.cli.common import DEVICE_HELP, add_no_figures, command, figures, print_json, print_tables
+
+FIGURES = ("bench.png", "bench_scaling.png", "bench_accuracy.png")
 
 
 def add(commands) -> None:
@@ -16,6 +19,7 @@ def add(commands) -> None:
         "measure the tracer's throughput, and speed against error",
         "Writes bench.json, bench.png and, where asked for, bench_scaling.png and bench_accuracy.png into the output "
         "folder.",
+        example="--quick --out bench",
     )
     parser.add_argument(
         "--scaling",
@@ -32,13 +36,19 @@ def add(commands) -> None:
     parser.add_argument(
         "--out", type=Path, default=Path("irtscots-out/bench"), metavar="DIR", help="default irtscots-out/bench"
     )
+    add_no_figures(parser)
+
+
+def _draw(results: dict, folder: Path) -> None:
+    from irtscots_cl.bench.figures import write_figures
+
+    write_figures(folder, results)
 
 
 def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain, write_json
 
     check_output_folder(options.out, ("bench.json", "bench.png"))
-    from irtscots_cl.bench.figures import write_figures
     from irtscots_cl.bench.suite import run_bench
     from irtscots_cl.bench.tables import bench_tables
     from irtscots_cl.opencl.device import select_device
@@ -48,7 +58,7 @@ def _execute(options: argparse.Namespace) -> int:
         results = run_bench(select_device(options.device), options.quick, options.scaling, options.accuracy)
         with told_as_incomplete(options.out):
             write_json(options.out / "bench.json", results)
-            write_figures(options.out, results)
+            figures(options, options.out, FIGURES, partial(_draw, results))
     if options.json:
         print_json(plain(results))
     else:

@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from irtscots_cl.cli.common import DEVICE_HELP, add_scene, command, print_json, print_tables, warn, workers_argument
+from irtscots_cl.cli.common import (
+    DEVICE_HELP,
+    add_no_figures,
+    add_scene,
+    command,
+    figures,
+    print_json,
+    print_tables,
+    warn,
+    workers_argument,
+)
 from irtscots_cl.cli.progress import Progress, add_quiet
+from irtscots_cl.cli.terminal import next_step, quoted
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.tracing.defaults import RAYS_PER_PIXEL
 
@@ -15,6 +27,8 @@ if TYPE_CHECKING:
     from irtscots_cl.budget.assess import ErrorBudget
     from irtscots_cl.pipeline.simulated_trial import SimulatedTrial
     from irtscots_cl.scene.model import Scene
+
+FIGURES = ("tornado.png", "cumulative.png", "maps.png")
 
 
 def add(commands) -> None:
@@ -27,6 +41,7 @@ def add(commands) -> None:
         "ledger of one trial: signed height maps that add up to its whole error. Without that table it prints what "
         "every known source costs at a usual value. Only the scene's design is used, and no device. Ghosts and "
         "scattered light are of a file that `irtscots paths SCENE --out DIR` writes.",
+        example="sphere-deviated",
     )
     add_scene(parser)
     parser.add_argument("--trials", type=int, metavar="N", help="number of trials; default: the scene's, or 512")
@@ -68,6 +83,7 @@ def add(commands) -> None:
     parser.add_argument(
         "--wavelength-nm", type=float, metavar="W", help="with --require: a fringe is half of it; default 546.07"
     )
+    add_no_figures(parser)
     parser.add_argument(
         "--out",
         type=Path,
@@ -123,7 +139,7 @@ def _execute(options: argparse.Namespace) -> int:
         from irtscots_cl.report.page.budget import write_budget_page
 
         with made_folder(options.out):
-            _write(found, facts, options.out)
+            _write(options, found, facts, options.out)
             write_budget_page(options.out / "report.html", found, tables[own:])
             if options.images:
                 write_simulated(simulated, options.out / f"trial-{found.trial}")
@@ -133,7 +149,20 @@ def _execute(options: argparse.Namespace) -> int:
     print_tables(tables)
     if options.out is not None:
         print(f"results in {options.out}")
+    next_step(options, _next(options, bool(budget.sources or budget.calibrated), budget.allow_nm))
     return 0
+
+
+def _next(options: argparse.Namespace, has_sources: bool, allow_nm: float | None) -> str:
+    """What to do after a budget."""
+    scene = quoted(options.scene)
+    if not has_sources:
+        return f"sizes of your own sources in [budget.sources] (docs/budget.md), then: irtscots budget {scene}"
+    if allow_nm is None:
+        return f"irtscots budget {scene} --allow-nm E says how large each source may be, and what to calibrate first"
+    if options.out is None:
+        return f"irtscots budget {scene} --out DIR writes the maps of the trial and figures"
+    return f"look at {quoted(options.out / 'figures')}; irtscots identify {scene} says what images cannot calibrate"
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -193,7 +222,13 @@ def _judge(options: argparse.Namespace, scene: Scene) -> int:
     return 0
 
 
-def _write(found: ErrorBudget, facts: dict[str, Any], folder: Path) -> None:
+def _draw(found: ErrorBudget, folder: Path) -> None:
+    from irtscots_cl.report.budget_figures import write_budget_figures
+
+    write_budget_figures(found, folder)
+
+
+def _write(options: argparse.Namespace, found: ErrorBudget, facts: dict[str, Any], folder: Path) -> None:
     import csv
 
     from irtscots_cl.report.budget import budget_rows
@@ -204,10 +239,8 @@ def _write(found: ErrorBudget, facts: dict[str, Any], folder: Path) -> None:
         csv.writer(file).writerows(budget_rows(found))
     if found.linear is not None:
         from irtscots_cl.pipeline.output import version_attributes
-        from irtscots_cl.report.budget_figures import write_budget_figures
         from irtscots_cl.report.budget_file import write_budget_file
 
         about = {"scene": found.trials.design.setup.scene.to_toml(), "seed": str(found.trials.budget.seed)}
         write_budget_file(found, folder / "budget.h5", about | version_attributes())
-        (folder / "figures").mkdir(exist_ok=True)
-        write_budget_figures(found, folder / "figures")
+        figures(options, folder / "figures", FIGURES, partial(_draw, found))

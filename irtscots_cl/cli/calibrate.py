@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from irtscots_cl.cli.common import add_usable_samples, command, print_json, print_tables, warn_of
+from irtscots_cl.cli.terminal import next_step, path_of_scene, quoted
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.scene.presets import load_scene
 
@@ -20,6 +21,7 @@ def add(commands) -> None:
         "find the geometry of a set-up from its images",
         "Writes scene.toml with the fitted geometry, report.json and calibration.h5 (covariance, residuals, heights) "
         "into the output folder.",
+        example="out/result.h5 --scene sphere-deviated --out calibrated",
     )
     parser.add_argument(
         "images",
@@ -94,6 +96,8 @@ def _execute(options: argparse.Namespace) -> int:
     else:
         print_tables(calibration_tables(facts))
         print(f"results in {folder}")
+        scene = path_of_scene(folder / "scene.toml")
+        next_step(options, f"irtscots reconstruct {quoted(options.images[0])} --scene {scene}")
     return 0
 
 

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from irtscots_cl.cli.common import DEVICE_HELP, EXIT_BAD_INPUT, add_scene, command, print_json
+from irtscots_cl.cli.common import DEVICE_HELP, EXIT_BAD_INPUT, add_no_figures, add_scene, command, figures, print_json
+from irtscots_cl.cli.terminal import next_step, quoted
 from irtscots_cl.scene.presets import load_scene
 from irtscots_cl.scene.validation import SceneError
+
+if TYPE_CHECKING:
+    from irtscots_cl.planning.check import SceneCheck
 
 
 def add(commands) -> None:
@@ -19,9 +25,11 @@ def add(commands) -> None:
         "Looks for mistakes in the scene's numbers, says what part of the mirror will be measured and what limits it, "
         "the height error to expect by its parts, and the time and memory of the run. Each finding has a code, which "
         "docs/checks.md explains. With --out also a drawing to scale.",
+        example="sphere-deviated --out checked",
     )
     add_scene(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="write check.json and setup.png there")
+    add_no_figures(parser)
     parser.add_argument(
         "--detail-mm", type=float, metavar="P", help="shortest period of ripples on the mirror that is to be measured"
     )
@@ -55,7 +63,7 @@ def _execute(options: argparse.Namespace) -> int:
         return _refused(options, error)
     from irtscots_cl.planning.check import check_scene
     from irtscots_cl.report.scene_check import check_data, check_lines
-    from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain, replacing, write_json
+    from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain, write_json
 
     if options.out is not None:
         check_output_folder(options.out, ("check.json", "setup.png"))
@@ -68,19 +76,28 @@ def _execute(options: argparse.Namespace) -> int:
                         heights=not options.quick, device=device)  # fmt: skip
     facts = plain(check_data(found))
     if options.out is not None:
-        from irtscots_cl.report.setup_drawing import setup_figure
-
         with made_folder(options.out):
             write_json(options.out / "check.json", facts)
-            with replacing(options.out / "setup.png") as temporary:
-                setup_figure(found.sight).savefig(temporary, dpi=120)
+            figures(options, options.out, ("setup.png",), partial(_draw, found))
     if options.json:
         print_json(facts)
     else:
         print("\n".join(check_lines(found)))
         if options.out is not None:
             print(f"results in {options.out}")
+        if found.worst == "error":
+            next_step(options, "mend what is marked error (docs/checks.md), then check again")
+        else:
+            next_step(options, f"irtscots run {quoted(options.scene)}")
     return EXIT_BAD_INPUT if options.strict and found.worst != "info" else 0
+
+
+def _draw(found: SceneCheck, folder: Path) -> None:
+    from irtscots_cl.report.setup_drawing import setup_figure
+    from irtscots_cl.system.atomic_files import replacing
+
+    with replacing(folder / "setup.png") as temporary:
+        setup_figure(found.sight).savefig(temporary, dpi=120)
 
 
 def _refused(options: argparse.Namespace, error: SceneError) -> int:

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from irtscots_cl.cli.terminal import LEVELS, coloured
 from irtscots_cl.scene.presets import load_scene, with_noise_file
 from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system.option_error import on_command_line
@@ -31,6 +32,8 @@ DASK_HELP = (
     "address of a Dask scheduler, such as tcp://host:8786, whose workers trace instead, each on the device that its "
     "IRTSCOTS_DEVICE names (needs irtscots-cl[dask])"
 )
+UNFOLDED = 10_000  # columns, more than any table has
+EXAMPLE = "example: "
 EXIT_BAD_INPUT = 2
 EXIT_NO_DEVICE = 3
 EXIT_STOPPED = 4  # and can be resumed
@@ -42,12 +45,29 @@ class StoppedError(Exception):
 
 
 def fail(message: object, code: int) -> int:
-    print(f"irtscots: {on_command_line(message)}", file=sys.stderr)
+    print(f"{coloured('irtscots:', 'red', sys.stderr)} {on_command_line(message)}", file=sys.stderr)
     return code
 
 
-def command(commands, name: str, function: Callable, text: str, more: str = "") -> argparse.ArgumentParser:
-    parser = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}. {more}")
+class _Help(argparse.HelpFormatter):
+    """Help whose last line, the example, stays one line that can be copied."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return text if text.startswith(EXAMPLE) else super()._fill_text(text, width, indent)
+
+
+def command(
+    commands, name: str, function: Callable, text: str, more: str = "", example: str = ""
+) -> argparse.ArgumentParser:
+    """The parser of a command. text: for the list of commands; more: for its own help, which ends with the example
+    (arguments that work)."""
+    parser = commands.add_parser(
+        name,
+        help=text,
+        description=f"{text[0].upper()}{text[1:]}. {more}",
+        epilog=f"{EXAMPLE}irtscots {name} {example}".rstrip(),
+        formatter_class=_Help,
+    )
     parser.add_argument("--json", action="store_true", help="print JSON instead of text")
     parser.set_defaults(command=function)
     return parser
@@ -64,6 +84,17 @@ def add_no_figures(parser: argparse.ArgumentParser) -> None:
         action="store_false",
         help="write no pictures; those of an earlier run in the folder are deleted",
     )
+
+
+def figures(options: argparse.Namespace, folder: Path, names: Iterable[str], draw: Callable[[Path], object]) -> None:
+    """Draw into the folder, which is made; with --no-figures delete an earlier command's figures of these names."""
+    if options.figures:
+        folder.mkdir(parents=True, exist_ok=True)
+        draw(folder)
+        return
+    from irtscots_cl.system.atomic_files import delete_files
+
+    delete_files(folder, names)
 
 
 def add_usable_samples(parser: argparse.ArgumentParser, choices: bool = False) -> None:
@@ -216,7 +247,8 @@ def warn_of(checks: Iterable[CheckFacts]) -> None:
     """Print the checks of images that were not passed, a line each, to stderr."""
     for check in checks:
         if check["level"] != "ok":
-            print(f"irtscots: {check['level']}: {check['name']}: {check['text']}", file=sys.stderr)
+            level = coloured(check["level"], LEVELS[check["level"]], sys.stderr)
+            print(f"irtscots: {level}: {check['name']}: {check['text']}", file=sys.stderr)
 
 
 def warn_of_scene(scene: Scene) -> None:
@@ -236,7 +268,7 @@ def warn_of_scene(scene: Scene) -> None:
 
 def warn(message: object) -> None:
     """One line on stderr about something that does not stop the command."""
-    print(f"irtscots: warning: {message}", file=sys.stderr)
+    print(f"irtscots: {coloured('warning', LEVELS['warning'], sys.stderr)}: {message}", file=sys.stderr)
 
 
 def print_tables(tables) -> None:
@@ -244,12 +276,12 @@ def print_tables(tables) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    # Without a terminal, wrap to $COLUMNS or not at all, instead of to 80. No markup: it would read [nm] as a style.
+    # Without a terminal, fold to $COLUMNS or not at all, instead of to 80. No markup: it would read [nm] as a style.
     class Terminal(Console):
         def on_broken_pipe(self) -> None:  # the reader has closed the output: main ends the command without an error
             raise BrokenPipeError
 
-    width = None if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal() else 160
+    width = None if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal() else UNFOLDED
     console = Terminal(width=width, markup=False, emoji=False, highlight=False)
     for table in tables:
         shown = Table(title=table.title, title_justify="left", box=box.SIMPLE_HEAD, show_header=any(table.head))

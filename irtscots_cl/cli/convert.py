@@ -16,6 +16,7 @@ def add(commands) -> None:
         _execute,
         "write a height map in another format",
         "What a format does not hold, and how it rounds, is said. docs/formats.md has what each format says.",
+        example="out/result.h5 mirror.dat",
     )
     parser.add_argument("source", metavar="A", type=Path, help=f"a map: {FORMATS_READ}")
     parser.add_argument(

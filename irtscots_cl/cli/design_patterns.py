@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
-from irtscots_cl.cli.common import add_scene, choices, command, print_json, print_tables
+from irtscots_cl.cli.common import add_no_figures, add_scene, choices, command, figures, print_json, print_tables
+from irtscots_cl.cli.terminal import next_step
 from irtscots_cl.scene.presets import load_scene, with_noise_file
 
 FILE = "design-patterns.json"
@@ -22,6 +24,7 @@ def add(commands) -> None:
         "at equal frames, equal light and equal time, against the Cramer-Rao bound; how many periods the highest "
         "series may have; and the command that writes the best pictures. Only the scene's design is used, and no "
         "device.",
+        example="sphere-deviated --electrons 9000 --frames 48",
     )
     add_scene(parser)
     parser.add_argument(
@@ -48,6 +51,7 @@ def add(commands) -> None:
         "--frames", type=int, metavar="N", help="camera frames of the whole test, 6 at least; default 32"
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help=f"write {FILE} and a figure there")
+    add_no_figures(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:
@@ -59,7 +63,7 @@ def _execute(options: argparse.Namespace) -> int:
     if options.camera_noise is not None:
         scene = with_noise_file(scene, options.camera_noise)
     from irtscots_cl.measurement.pattern_design.choice import design_patterns
-    from irtscots_cl.report.pattern_design import advice, design_facts, design_tables, write_design_figure
+    from irtscots_cl.report.pattern_design import NAME, advice, design_facts, design_tables, write_design_figure
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain, write_json
 
     if options.out is not None:
@@ -69,8 +73,7 @@ def _execute(options: argparse.Namespace) -> int:
     facts = plain(design_facts(found, options.scene))
     if options.out is not None:
         with made_folder(options.out):
-            (options.out / "figures").mkdir(exist_ok=True)
-            write_design_figure(found, options.out / "figures")
+            figures(options, options.out / "figures", (NAME,), partial(write_design_figure, found))
             write_json(options.out / FILE, facts)
     if options.json:
         print_json(facts)
@@ -79,4 +82,6 @@ def _execute(options: argparse.Namespace) -> int:
     print("\n".join(advice(found, options.scene)))
     if options.out is not None:
         print(f"results in {options.out}")
+    if found.best is not None:
+        next_step(options, "run the command above, which says how to photograph and measure")
     return 0

@@ -9,7 +9,12 @@ from irtscots_cl.cli.common import EXIT_NO_DEVICE, command, fail, print_json
 
 
 def add(commands) -> None:
-    command(commands, "devices", _execute, "list the OpenCL devices and what was probed on each")
+    command(
+        commands,
+        "devices",
+        _execute,
+        "list the OpenCL devices and what was probed on each",
+    )
 
 
 def _execute(options: argparse.Namespace) -> int:

@@ -12,12 +12,14 @@ import tempfile
 from pathlib import Path
 
 from irtscots_cl.cli.common import EXIT_NO_DEVICE, command, print_json
+from irtscots_cl.cli.terminal import LEVELS, coloured, next_step
 
 OPTIONAL = {  # module: (extra, what for)
     "distributed": ("dask", "traces on many machines"),
     "astropy": ("fits", "FITS files"),
     "imagecodecs": ("images", "packed TIFF files"),
     "mpmath": ("stability", "irtscots stability"),
+    "argcomplete": ("completion", "completion of commands in the shell"),
 }
 LEAST_GIB, LEAST_DISK_GIB = 2.0, 1.0
 
@@ -33,12 +35,14 @@ def add(commands) -> None:
 
 
 def _execute(options: argparse.Namespace) -> int:
-    found = [*_versions(), *_devices(), *_folders(), *_room()]
+    found = [*_versions(), *_completion(), *_devices(), *_folders(), *_room()]
     if options.json:
         print_json([{"level": level, "what": what, "text": text} for level, what, text in found])
     else:
         for level, what, text in found:
-            print(f"{level:8} {what:18} {text}")
+            print(f"{coloured(f'{level:8}', LEVELS[level], sys.stdout)} {what:18} {text}")
+        if all(level != "problem" for level, _, _ in found):
+            next_step(options, "irtscots run sphere-deviated, or irtscots init for a mirror of your own")
     return EXIT_NO_DEVICE if any(level == "problem" for level, _, _ in found) else 0
 
 
@@ -60,6 +64,21 @@ def _versions():
             "command",
             f"not on the PATH: run {Path(folder) / 'irtscots'}, or activate its environment",
         )
+
+
+def _completion():
+    """Whether the shell completes commands, and else the line that makes it."""
+    from importlib.util import find_spec
+
+    if find_spec("argcomplete") is None:  # told among what is not installed
+        return
+    from irtscots_cl.cli.completion import is_set_up, set_up_line
+
+    if is_set_up(Path.home()):
+        yield "ok", "completion", "set up in the shell"
+    else:
+        line = set_up_line(os.environ.get("SHELL", ""))
+        yield "note", "completion", f"not set up in the shell: {line}, and open a new one"
 
 
 def _devices():

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
-from irtscots_cl.cli.common import add_scene, command, print_json, print_tables
+from irtscots_cl.cli.common import add_no_figures, add_scene, command, figures, print_json, print_tables
 from irtscots_cl.scene.presets import load_scene
 
 
@@ -19,6 +20,7 @@ def add(commands) -> None:
         "leave open, what that does to the mirror's Zernike terms, and what is best measured next. What is known "
         "beforehand comes from the scene's table [calibration.known]; where it says nothing, from usual tolerances. "
         "Only the scene's design is used, and no device.",
+        example="sphere-deviated --out identified",
     )
     add_scene(parser)
     parser.add_argument(
@@ -35,6 +37,7 @@ def add(commands) -> None:
         help="highest radial order of the mirror's Zernike terms, 4 to 20; default 7",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="write identify.json and figures there")
+    add_no_figures(parser)
 
 
 def _execute(options: argparse.Namespace) -> int:
@@ -55,8 +58,7 @@ def _execute(options: argparse.Namespace) -> int:
     facts = identification_facts(found)
     if options.out is not None:
         with made_folder(options.out):
-            (options.out / "figures").mkdir(exist_ok=True)
-            write_direction_figure(found, options.out / "figures")
+            figures(options, options.out / "figures", ("weak_directions.png",), partial(write_direction_figure, found))
             write_json(options.out / "identify.json", facts)
     if options.json:
         print_json(plain(facts))

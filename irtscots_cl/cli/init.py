@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from irtscots_cl.cli.common import command, print_json
+from irtscots_cl.cli.terminal import next_step, path_of_scene
 
 MOST_MM = 1e6
 QUESTIONS = (
@@ -29,8 +30,8 @@ def add(commands) -> None:
         _execute,
         "write a first scene for your own mirror",
         "Places screen and camera, sizes the screen's used part by the light, and chooses lens, binning and pattern. "
-        "Without --diameter it asks. Then: irtscots check FILE. Example: irtscots init --diameter 406.4 --f-ratio 4 "
-        "--conic -1 --out mine.toml",
+        "Without --diameter it asks.",
+        example="--diameter 406.4 --f-ratio 4 --conic -1 --out mine.toml",
     )
     parser.add_argument(
         "--out", type=Path, default=Path("my-mirror.toml"), metavar="FILE", help="default my-mirror.toml"
@@ -91,7 +92,8 @@ def _execute(options: argparse.Namespace) -> int:
         print_json({"file": str(options.out), "binning": made.binning, "fringes": made.fringes, "toml": made.toml})
     else:
         print(made.toml, end="")
-        print(f"\nwritten to {options.out}; next: irtscots check {options.out}")
+        print(f"\nwritten to {options.out}")
+        next_step(options, f"irtscots check {path_of_scene(options.out)}")
     return 0
 
 

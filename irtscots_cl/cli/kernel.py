@@ -8,7 +8,13 @@ from irtscots_cl.cli.common import add_scene, add_trace_choices, choices, comman
 
 
 def add(commands) -> None:
-    parser = command(commands, "kernel", _execute, "print the OpenCL source and build options that a scene gets")
+    parser = command(
+        commands,
+        "kernel",
+        _execute,
+        "print the OpenCL source and build options that a scene gets",
+        example="sphere-deviated --estimator forward",
+    )
     add_scene(parser)
     add_trace_choices(parser)
 

@@ -32,6 +32,7 @@ def add(commands) -> None:
         "the figures of a height map: rms, PV, PVr, slopes, Zernike terms",
         "Piston, tilt, power and astigmatism are removed in turn. Slopes are differences of neighbouring pixels. PVr "
         "is the PV of the fit of 36 fringe Zernike terms plus three times the rms that it leaves.",
+        example="out/result.h5 --remove piston_tilt_power",
     )
     parser.add_argument("file", metavar="FILE", type=Path, help=f"a map: {FORMATS_READ}")
     parser.add_argument(

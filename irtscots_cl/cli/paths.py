@@ -38,6 +38,7 @@ def add(commands) -> None:
         "on the detector, and what they add to the measured height. (r) marks a reflection at an interface that should "
         "transmit. focus: from the detector to where the light of a mirror point meets again, negative before it; "
         "blur: diameter of its light on the detector.",
+        example="sphere-singlet --rays-per-pixel 4096",
     )
     add_scene(parser)
     parser.add_argument(

@@ -42,6 +42,7 @@ def add(commands) -> None:
         "`irtscots reconstruct` reads back. First row: the screen's +y edge, its top; first column: the +x edge, on "
         "the left for who looks at the screen from the mirror. Show them one pixel to one pixel, without any "
         "correction of colours.",
+        example="sphere-deviated --out shown",
     )
     add_scene(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME-patterns")

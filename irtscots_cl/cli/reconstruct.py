@@ -11,6 +11,7 @@ from irtscots_cl.cli.camera_options import add_camera_files, camera_of, given_op
 from irtscots_cl.cli.common import (
     LAB_MEASURE,
     add_measure,
+    add_no_figures,
     add_usable_samples,
     command,
     print_json,
@@ -19,6 +20,7 @@ from irtscots_cl.cli.common import (
     warn_of,
 )
 from irtscots_cl.cli.exporting import add_export, export, export_targets, print_exported
+from irtscots_cl.cli.terminal import next_step, results_page
 from irtscots_cl.scene.presets import load_scene
 
 if TYPE_CHECKING:
@@ -32,6 +34,7 @@ def add(commands) -> None:
         _execute,
         "measure a mirror from images of line scans, fringes, Gray codes or dots",
         "Writes report.html, report.json, result.h5, scene.toml and figures into the output folder.",
+        example="out/result.h5 --scene sphere-deviated --out measured",
     )
     parser.add_argument(
         "images",
@@ -63,6 +66,7 @@ def add(commands) -> None:
         help="with a folder as --scene: the display file to use; default: the folder's most complete one",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME-measured")
+    add_no_figures(parser)
     add_export(parser)
     _add_image_choices(parser)
     parser.add_argument("--strict", action="store_true", help="refuse doubtful images too, with exit code 2")
@@ -157,8 +161,8 @@ def _by_manifest(options: argparse.Namespace) -> int:
     check_output_folder(folder, ("result.h5", "report.json", "report.html", "scene.toml"), ("figures",))
     with made_folder(folder):
         facts = measure(
-            options.images, scene, folder, manifest=options.manifest, strict=options.strict, zernike=options.zernike,
-            camera=camera_of(options), mask=options.mask, fiducials=options.fiducials, **more
+            options.images, scene, folder, manifest=options.manifest, strict=options.strict, draw=options.figures,
+            zernike=options.zernike, camera=camera_of(options), mask=options.mask, fiducials=options.fiducials, **more
         )  # fmt: skip
     return _tell(options, facts, folder)
 
@@ -187,8 +191,8 @@ def _sofast(options: argparse.Namespace) -> int:
     saturation = options.saturation if math.isfinite(options.saturation) else None
     with made_folder(folder):
         facts = measure_sofast(
-            options.images, setup, folder, strict=options.strict, zernike=options.zernike, saturation=saturation,
-            mask=options.mask, fiducials=options.fiducials
+            options.images, setup, folder, strict=options.strict, draw=options.figures, zernike=options.zernike,
+            saturation=saturation, mask=options.mask, fiducials=options.fiducials
         )  # fmt: skip
     return _tell(options, facts, folder)
 
@@ -214,7 +218,7 @@ def _line_scans(options: argparse.Namespace) -> int:
     choice = MaskChoice.of(options.mask, options.fiducials, scene, scene.camera.detector.orientation)
     with made_folder(folder):
         facts = measure(
-            images, scene.nominal(), folder, options.threshold, how, strict=options.strict,
+            images, scene.nominal(), folder, options.threshold, how, strict=options.strict, draw=options.figures,
             source=str(options.images), zernike=options.zernike, choice=choice, camera=camera_of(options),
         )  # fmt: skip
     return _tell(options, facts, folder)
@@ -235,4 +239,5 @@ def _tell(options: argparse.Namespace, facts: MeasuredFacts, folder: Path) -> in
         print_tables(measurement_tables(facts))
         print(f"results in {folder}")
         print_exported(exported)
+        next_step(options, results_page(folder))
     return 0

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
-from irtscots_cl.cli.common import DEVICE_HELP, command, print_json, print_tables
+from irtscots_cl.cli.common import DEVICE_HELP, add_no_figures, command, figures, print_json, print_tables
 from irtscots_cl.cli.keeping import add_resume, keeping
 from irtscots_cl.cli.progress import Progress, add_quiet
 
@@ -22,6 +24,7 @@ def add(commands) -> None:
         f"WHAT: {NAMES}, or all. Prints paper, theory, our number with its error bar and a verdict, and writes figures "
         "and reproduce.json; `all` takes a quarter of an hour on two cores and also writes reproduce.md and "
         "reproduce.html.",
+        example="table5 --quick --out paper",
     )
     parser.add_argument("what", metavar="WHAT", help="a study, or all")
     parser.add_argument("--quick", action="store_true", help="without the largest ray numbers: some minutes for all")
@@ -33,6 +36,7 @@ def add(commands) -> None:
         help="where figures and documents go; default irtscots-out/reproduce",
         default=Path("irtscots-out/reproduce"),
     )
+    add_no_figures(parser)
     add_resume(parser)
     add_quiet(parser)
 
@@ -57,9 +61,12 @@ def _execute(options: argparse.Namespace) -> int:
                 print_tables(suite.tables(finished[-1:]))
                 print("\n".join(f"  {note}" for note in finished[-1].outcome.notes))
                 sys.stdout.flush()
+        names = [name for one in finished for name in one.outcome.figures]
+        if not options.figures:  # documents do not link to them either
+            finished = [replace(one, outcome=replace(one.outcome, figures={})) for one in finished]
         results = suite.facts(finished, traces)
         with told_as_incomplete(options.out):
-            suite.write_figures(options.out, finished)
+            figures(options, options.out, names, partial(suite.write_figures, finished=finished))
             if options.what == suite.ALL:
                 suite.write_documents(options.out, finished, traces)
             write_json(options.out / "reproduce.json", results)

@@ -36,6 +36,7 @@ from irtscots_cl.cli.common import (
 from irtscots_cl.cli.exporting import add_export, export, export_targets, print_exported
 from irtscots_cl.cli.keeping import add_resume, keeping
 from irtscots_cl.cli.progress import Progress, add_quiet
+from irtscots_cl.cli.terminal import next_step, results_page
 from irtscots_cl.tracing.defaults import RAYS_PER_PIXEL
 
 # Defaults of the options that a target sets itself.
@@ -50,6 +51,7 @@ def add(commands) -> None:
         _execute,
         "simulate a test of a mirror and measure it",
         "Writes report.json, report.html, result.h5 and figures into the output folder.",
+        example="sphere-deviated --target-nm 1 --out out",
     )
     add_scene(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder; default irtscots-out/NAME")
@@ -147,6 +149,7 @@ def _execute(options: argparse.Namespace) -> int:
         print_tables(summary_tables(run.report))
         print(f"results in {folder}")
         print_exported(exported)
+        next_step(options, results_page(folder))
     return 0
 
 

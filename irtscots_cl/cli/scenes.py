@@ -11,7 +11,13 @@ from irtscots_cl.scene.presets import preset_names, preset_text
 
 
 def add(commands) -> None:
-    parser = command(commands, "scenes", _execute, "list the preset scenes, or print one as TOML")
+    parser = command(
+        commands,
+        "scenes",
+        _execute,
+        "list the preset scenes, or print one as TOML",
+        example="sphere-deviated",
+    )
     parser.add_argument("name", nargs="?", metavar="NAME", help="preset to print; with --opencv also a TOML file")
     parser.add_argument(
         "--opencv", action="store_true", help="print the scene's camera as a calibration file of OpenCV (YAML) instead"

@@ -17,6 +17,7 @@ def add(commands) -> None:
         "Prints of each case the check that comes nearest to its limit, then those that failed; the exit code is 0 in "
         "either case. --json gives all checks, and their number under `failed`. Needs mpmath: "
         "pip install 'irtscots-cl[stability]'.",
+        example="--device cpu",
     )
     parser.add_argument(
         "--device",

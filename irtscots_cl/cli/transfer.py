@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
-from irtscots_cl.cli.common import add_scene, command, print_json, print_tables, warn
+from irtscots_cl.cli.common import add_no_figures, add_scene, command, figures, print_json, print_tables, warn
 from irtscots_cl.cli.map_options import add_map_options, told_of_map
 from irtscots_cl.scene.presets import load_scene
 
@@ -21,6 +22,7 @@ def add(commands) -> None:
         "Prints the response of the measured slopes and heights to a wave on the mirror, factor by factor, the periods "
         "of half response and of Nyquist, and, with --psd, the power spectral density of a measured map as that of the "
         "mirror. Only the scene's design is used, and no device.",
+        example="sphere-deviated --periods 50,20,10",
     )
     add_scene(parser)
     parser.add_argument(
@@ -64,6 +66,7 @@ def add(commands) -> None:
         "piston_tilt_power_astigmatism",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help=f"write {FILE} and a figure there")
+    add_no_figures(parser)
     add_map_options(parser, "of the light, for diffraction at the camera's aperture; also of a --psd map in waves")
 
 
@@ -74,7 +77,7 @@ def _execute(options: argparse.Namespace) -> int:
     from irtscots_cl.measurement.transfer_spectrum import mirror_psd
     from irtscots_cl.measurement.transfer_summary import summarise
     from irtscots_cl.pipeline.transfer import doubts_of_low_orders, read_measured_map
-    from irtscots_cl.report.transfer import sentences, transfer_facts, transfer_tables, write_transfer_figure
+    from irtscots_cl.report.transfer import NAME, sentences, transfer_facts, transfer_tables, write_transfer_figure
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain, write_json
 
     if options.out is not None:
@@ -92,8 +95,7 @@ def _execute(options: argparse.Namespace) -> int:
     facts = plain(transfer_facts(found, psd, options.remove))
     if options.out is not None:
         with made_folder(options.out):
-            (options.out / "figures").mkdir(exist_ok=True)
-            write_transfer_figure(found, options.out / "figures", psd)
+            figures(options, options.out / "figures", (NAME,), partial(write_transfer_figure, found, psd=psd))
             write_json(options.out / FILE, facts)
     if options.json:
         print_json(facts)

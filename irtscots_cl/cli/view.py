@@ -15,8 +15,8 @@ def add(commands) -> None:
         "view",
         _execute,
         "compare finished runs in a browser: numbers, maps, differences",
-        "Serves one page on this machine alone (127.0.0.1) until Ctrl-C, or writes it. "
-        "Example: irtscots view irtscots-out/a irtscots-out/b",
+        "Serves one page on this machine alone (127.0.0.1) until Ctrl-C, or writes it.",
+        example="out measured",
     )
     parser.add_argument("folders", type=Path, nargs="+", metavar="DIR", help="output folder of run or reconstruct")
     parser.add_argument("--port", type=int, default=0, metavar="N", help="default: any free one")

@@ -17,12 +17,12 @@ from irtscots_cl.measurement.harmonic_bias import HarmonicBias
 from irtscots_cl.measurement.photon_transfer import PhotonTransfer
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates
-from irtscots_cl.pipeline.output import open_output_folder, version_attributes
+from irtscots_cl.pipeline.output import FIGURES, open_output_folder, version_attributes
 from irtscots_cl.pipeline.picture import MirrorPicture, add_facts
 from irtscots_cl.report.fringe_file import FringeMaps, write_fringe_result
 from irtscots_cl.report.fringe_types import FringeFacts, HarmonicFacts, PhotonTransferFacts
 from irtscots_cl.report.types import MeasuredFacts
-from irtscots_cl.system.atomic_files import write_json, write_text
+from irtscots_cl.system.atomic_files import delete_files, write_json, write_text
 
 FRINGES = "fringes"  # the name of the measure
 
@@ -108,11 +108,15 @@ def _median(values: np.ndarray) -> float:
 
 
 def write_fringes(
-    folder: Path, found: FringeResult, facts: MeasuredFacts, bars: ErrorBars, attributes: Mapping[str, str]
+    folder: Path,
+    found: FringeResult,
+    facts: MeasuredFacts,
+    bars: ErrorBars,
+    attributes: Mapping[str, str],
+    draw: bool = True,
 ) -> None:
     """Write result.h5, figures, scene.toml, report.html and report.json. attributes: of result.h5, beside those of all
-    results."""
-    from irtscots_cl.report.fringe_figures import write_fringe_figures
+    results. draw: false for no figures."""
     from irtscots_cl.report.page.page import write_measured_page
 
     result = found.result
@@ -133,10 +137,18 @@ def write_fringes(
     }
     with open_output_folder(folder):
         write_fringe_result(folder / "result.h5", maps, result, common | attributes | version_attributes(), bars)
-        figures = [folder / "figures" / name for name in write_fringe_figures(folder / "figures", result, maps)]
+        figures = _figures(folder / "figures", result, maps) if draw else []
+        if not draw:
+            delete_files(folder / "figures", FIGURES)
         write_text(folder / "scene.toml", result.nominal.to_toml())
         write_measured_page(folder / "report.html", facts, result, bars, pictures=figures)
         write_json(folder / "report.json", dict(facts))
+
+
+def _figures(folder: Path, result: Reconstruction, maps: FringeMaps) -> list[Path]:
+    from irtscots_cl.report.fringe_figures import write_fringe_figures  # Matplotlib: only where figures are made
+
+    return [folder / name for name in write_fringe_figures(folder, result, maps)]
 
 
 def screen_points(result: Reconstruction) -> FloatArray:

@@ -46,6 +46,7 @@ def measure_dots(
     camera: CameraFiles | None = None,
     mask: Path | None = None,
     fiducials: Path | None = None,
+    draw: bool = True,
 ) -> MeasuredFacts:
     """Measure a mirror from images of dots; arguments, files and errors as of measure_fringes. result.h5 holds the
     dots' places in /dots and how far each pixel is from the next one in /dots/distance_px."""
@@ -55,7 +56,7 @@ def measure_dots(
     setup = Setup(nominal)
     use = pixels_to_use(mask, fiducials, setup)
     with named(images.manifest.path):
-        return _measured(recorded_images(images), setup, folder, strict, use, zernike)
+        return _measured(recorded_images(images), setup, folder, strict, use, zernike, draw)
 
 
 def dots_of(
@@ -99,7 +100,7 @@ def dots_of(
 
 
 def _measured(
-    recorded: RecordedImages, setup: Setup, folder: Path, strict: bool, use: BoolArray | None, zernike: str
+    recorded: RecordedImages, setup: Setup, folder: Path, strict: bool, use: BoolArray | None, zernike: str, draw: bool
 ) -> MeasuredFacts:
     checks = list(recorded.checks)
     refuse_bad(checks, strict)
@@ -131,7 +132,7 @@ def _measured(
         "distance_px": {"median": float(np.median(distance)), "farthest": float(distance.max())},
     }
     recorded.add_facts(facts)
-    write_places(folder, result, why, _rows(dots, between), facts, bars)
+    write_places(folder, result, why, _rows(dots, between), facts, bars, draw)
     return facts
 
 

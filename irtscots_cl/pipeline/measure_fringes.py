@@ -61,6 +61,7 @@ def measure_fringes(
     camera: CameraFiles | None = None,
     mask: Path | None = None,
     fiducials: Path | None = None,
+    draw: bool = True,
 ) -> MeasuredFacts:
     """Measure a mirror from images of fringes. Writes result.h5, report.json, scene.toml and figures into the folder
     and returns the main facts, named as in report.json.
@@ -68,8 +69,9 @@ def measure_fringes(
     paths, manifest: see open_fringe_images. scene: only its design is used. strict: refuse doubtful images, too.
     zernike: kind of the terms that are fitted. camera: what is known about the camera, in place of what the manifest
     says. mask: "auto" (None), "design", or the file of the pixels that may be used, lying as the images do. fiducials:
-    table of marks on the mirror. Raises RefusedImagesError if a check says that the images are wrong, ValueError if
-    they do not fit the scene, its manifest, or the tables.
+    table of marks on the mirror. draw: false for no figures; an earlier measurement's are deleted.
+    Raises RefusedImagesError if a check says that the images are wrong, ValueError if they do not fit the scene, its
+    manifest, or the tables.
     """
     check_kind(zernike)
     nominal = scene.nominal()
@@ -88,7 +90,7 @@ def measure_fringes(
     recorded.add_facts(facts)
     add_picture_facts(facts, found)
     screen = "from 0 at the screen's -x (-y) edge to 1 at its +x (+y) edge"
-    write_fringes(folder, found, facts, bars, {"screen fractions": screen})
+    write_fringes(folder, found, facts, bars, {"screen fractions": screen}, draw)
     return facts
 
 

@@ -102,6 +102,7 @@ def measure_gray(
     camera: CameraFiles | None = None,
     mask: Path | None = None,
     fiducials: Path | None = None,
+    draw: bool = True,
 ) -> MeasuredFacts:
     """Measure a mirror from images of a Gray code alone; arguments, files and errors as of measure_fringes."""
     check_kind(zernike)
@@ -110,11 +111,11 @@ def measure_gray(
     setup = Setup(nominal)
     use = pixels_to_use(mask, fiducials, setup)
     with named(images.manifest.path):
-        return _measured(recorded_images(images), setup, folder, strict, use, zernike)
+        return _measured(recorded_images(images), setup, folder, strict, use, zernike, draw)
 
 
 def _measured(
-    recorded: RecordedImages, setup: Setup, folder: Path, strict: bool, use: BoolArray | None, zernike: str
+    recorded: RecordedImages, setup: Setup, folder: Path, strict: bool, use: BoolArray | None, zernike: str, draw: bool
 ) -> MeasuredFacts:
     images, checks = recorded.images, list(recorded.checks)
     refuse_bad(checks, strict)
@@ -152,7 +153,7 @@ def _measured(
         "share_floor": {"x": found["x"].floor, "y": found["y"].floor},
     }
     recorded.add_facts(facts)
-    write_places(folder, result, why, [("gray/wrong_cell_probability", wrong, "1")], facts, bars)
+    write_places(folder, result, why, [("gray/wrong_cell_probability", wrong, "1")], facts, bars, draw)
     return facts
 
 

@@ -33,10 +33,11 @@ def measure_lines(
     camera: CameraFiles | None = None,
     mask: Path | None = None,
     fiducials: Path | None = None,
+    draw: bool = True,
 ) -> MeasuredFacts:
     """Measure a mirror from images of lines as pipeline.measure.measure does; the lines are those of the manifest.
 
-    paths, manifest, camera, mask, fiducials: as of measure_fringes. Raises as `measure` does.
+    paths, manifest, camera, mask, fiducials, draw: as of measure_fringes. Raises as `measure` does.
     """
     nominal = scene.nominal()
     images = open_fringe_images(paths, nominal, manifest, camera)
@@ -55,7 +56,9 @@ def measure_lines(
     if recorded.bad is not None:
         good = ~upright(recorded.bad, orientation)
         choice = replace(choice, use=good if choice.use is None else choice.use & good)
-    facts = measure(stack, own, folder, threshold, how, strict=strict, source=source, zernike=zernike, choice=choice)
+    facts = measure(
+        stack, own, folder, threshold, how, strict=strict, source=source, zernike=zernike, choice=choice, draw=draw
+    )  # fmt: skip
     recorded.add_facts(facts)
     facts["checks"] = check_facts(recorded.checks) + facts["checks"]
     return facts

@@ -124,13 +124,14 @@ def measure_sofast(
     saturation: float | None = None,
     mask: Path | None = None,
     fiducials: Path | None = None,
+    draw: bool = True,
 ) -> MeasuredFacts:
     """Measure a mirror from a SOFAST measurement's file. Writes result.h5, report.json, scene.toml and figures into the
     folder and returns the main facts, named as in report.json.
 
     strict: refuse doubtful images, too. zernike: kind of the terms that are fitted. saturation: of the camera's pixels.
     mask: "auto" (None), "design", or the file of the pixels that may be used, lying as the images do. fiducials: table
-    of marks on the mirror.
+    of marks on the mirror. draw: false for no figures; an earlier measurement's are deleted.
     Raises RefusedImagesError if a check says that the images are wrong, ValueError if they do not fit the set-up.
     """
     check_kind(zernike)
@@ -149,7 +150,7 @@ def measure_sofast(
     add_picture_facts(facts, found)
     if found.lab is not None and setup.folder is not None:
         facts["geometry"] = _geometry_facts(found.lab, setup.folder, measurement)
-    write_fringes(folder, found, facts, bars, {"screen fractions": "as SOFAST's display files have them"})
+    write_fringes(folder, found, facts, bars, {"screen fractions": "as SOFAST's display files have them"}, draw)
     return facts
 
 

@@ -12,10 +12,11 @@ from irtscots_cl.pipeline.simulate import Run
 from irtscots_cl.report.result_file import write_result
 from irtscots_cl.report.seconds import with_parts
 from irtscots_cl.system import interruption
-from irtscots_cl.system.atomic_files import check_output_folder, write_json
+from irtscots_cl.system.atomic_files import check_output_folder, delete_files, write_json
 from irtscots_cl.system.versions import versions
 
-FIGURES = ("images.png", "light_curve.png", "slopes.png", "height.png", "error_parts.png")  # of a run
+# Of a run, and of a measurement.
+FIGURES = ("images.png", "light_curve.png", "slopes.png", "height.png", "error_parts.png", "quality.png", "screen.png")
 
 
 def write_run(
@@ -53,7 +54,7 @@ def write_run(
         if draw:
             _draw(run, folder / "figures")
         else:
-            _delete_figures(folder / "figures")
+            delete_files(folder / "figures", FIGURES)
         drawn = time.perf_counter()
         report["seconds"] = with_parts(report["seconds"], start=started, store=stored - began, figures=drawn - stored)
         write_page(folder / "report.html", report, run.stack, run.result, run.comparison, run.parts, run.bars)
@@ -66,14 +67,6 @@ def _draw(run: Run, folder: Path) -> None:
     from irtscots_cl.report.figures import write_figures  # matplotlib is slow to import: only where figures are made
 
     write_figures(folder, run.stack, run.result, run.comparison, run.parts)
-
-
-def _delete_figures(folder: Path) -> None:
-    """Delete an earlier run's figures, and the folder if it is then empty."""
-    for name in FIGURES:
-        (folder / name).unlink(missing_ok=True)
-    if not any(folder.iterdir()):
-        folder.rmdir()
 
 
 @contextmanager

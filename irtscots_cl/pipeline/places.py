@@ -16,12 +16,12 @@ from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.fringes import screen_points
 from irtscots_cl.pipeline.lab_camera import RecordedImages
-from irtscots_cl.pipeline.output import open_output_folder, version_attributes
+from irtscots_cl.pipeline.output import FIGURES, open_output_folder, version_attributes
 from irtscots_cl.pipeline.picture import HALF, MaskChoice
 from irtscots_cl.report.along_axes import AlongAxes
 from irtscots_cl.report.fringe_file import REASON_UNIT, Rows, screen_rows, surface_rows, write_rows
 from irtscots_cl.report.types import MeasuredFacts
-from irtscots_cl.system.atomic_files import replacing, write_json, write_text
+from irtscots_cl.system.atomic_files import delete_files, replacing, write_json, write_text
 
 
 def excluded(lit: BoolArray, failing: Mapping[Reason, BoolArray], use: BoolArray | None) -> Exclusions:
@@ -58,13 +58,18 @@ def median_errors(result: Reconstruction) -> AlongAxes:
 
 
 def write_places(
-    folder: Path, result: Reconstruction, why: Exclusions, own: Rows, facts: MeasuredFacts, bars: ErrorBars
+    folder: Path,
+    result: Reconstruction,
+    why: Exclusions,
+    own: Rows,
+    facts: MeasuredFacts,
+    bars: ErrorBars,
+    draw: bool = True,
 ) -> None:
     """Write result.h5, figures, scene.toml, report.html and report.json.
 
-    why, own: of upright maps; files hold them as stored.
+    why, own: of upright maps; files hold them as stored. draw: false for no figures.
     """
-    from irtscots_cl.report.figures import height_figure, slope_figure
     from irtscots_cl.report.page.page import write_measured_page
 
     nominal = result.nominal
@@ -82,12 +87,21 @@ def write_places(
     }
     with open_output_folder(folder):
         write_rows(folder / "result.h5", in_file, attributes | version_attributes())
-        for name, figure in (("slopes.png", slope_figure(result)), ("height.png", height_figure(result, None))):
-            with replacing(folder / "figures" / name) as temporary:
-                figure.savefig(temporary, dpi=120)
+        if draw:
+            _draw(result, folder / "figures")
+        else:
+            delete_files(folder / "figures", FIGURES)
         write_text(folder / "scene.toml", nominal.to_toml())
         write_measured_page(folder / "report.html", facts, result, bars)
         write_json(folder / "report.json", dict(facts))
+
+
+def _draw(result: Reconstruction, folder: Path) -> None:
+    from irtscots_cl.report.figures import height_figure, slope_figure  # Matplotlib: only where figures are made
+
+    for name, figure in (("slopes.png", slope_figure(result)), ("height.png", height_figure(result, None))):
+        with replacing(folder / name) as temporary:
+            figure.savefig(temporary, dpi=120)
 
 
 def _is_map(values: FloatArray, result: Reconstruction) -> bool:

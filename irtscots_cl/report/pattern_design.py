@@ -130,6 +130,7 @@ def advice(found: PatternDesign, scene: str) -> list[str]:
             f"best: a line scan, width_px = {width}, step_px = {step} in the scene's table [screen.lines]: "
             f"{_nm(as_recorded(best, found.frames) or np.nan)} nm in {best.used} frames"
         )
+        lines.append(f"  irtscots patterns {scene} --kind lines --line-width {width} --line-step {step}")
     if fringes is not None and fringes.fringes is not None:
         passes = fringes.used // fringes.frames
         times = "once" if passes == 1 else f"{passes} times, averaged"

@@ -84,6 +84,16 @@ def check_output_folder(folder: Path, files: Iterable[str] = (), folders: Iterab
                 raise ValueError(f"--out = {str(folder)!r}: {name}/{path.name} is a folder there; must be a file")
 
 
+def delete_files(folder: Path, names: Iterable[str]) -> None:
+    """Delete files of an earlier command, those that are there, and the folder if it is then empty."""
+    if not folder.is_dir():
+        return
+    for name in names:
+        (folder / name).unlink(missing_ok=True)
+    if not any(folder.iterdir()):
+        folder.rmdir()
+
+
 @contextmanager
 def made_folder(folder: Path) -> Iterator[None]:
     """Make a folder before long work whose files it is to hold; at the end, what was made here and is empty goes.
