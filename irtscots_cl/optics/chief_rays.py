@@ -25,7 +25,7 @@ from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 from irtscots_cl.system.memory import check_memory
 
-BYTES_PER_PIXEL = 1900  # peak memory while the maps are made; measured
+BYTES_PER_PIXEL = 550  # peak memory while the maps are made; measured
 SUBPIXELS = 16  # per axis, in pixels that the mirror's edge crosses: footprint areas are accurate to about 0.5 %
 RAYS_OF_PART = 2**14  # traced at once: their dozens of arrays take little memory and stay near the processor
 MANY_RAYS = 2**18  # from which several threads trace parts

@@ -101,10 +101,7 @@ def image_figure(stack: ImageStack, frame: MapFrame | None = None) -> Figure:
     known = [image[np.isfinite(image)] for image in images]
     lowest = min((float(one.min()) for one in known if one.size), default=0.0)
     factor, unit = with_prefix(max((float(one.max()) for one in known if one.size), default=0.0), stack.x.unit)
-    limits = {
-        "vmin": min(0.0, factor * lowest),
-        "vmax": max((factor * one.max() for one in known if one.size), default=1),
-    }
+    highest = max((factor * float(one.max()) for one in known if one.size), default=1.0)
     for axes, (scan, line), image in zip(tuple(figure.axes), shown, images, strict=True):
         rows, columns = image.shape
         picture = axes.imshow(
@@ -112,7 +109,8 @@ def image_figure(stack: ImageStack, frame: MapFrame | None = None) -> Figure:
             origin="lower",
             extent=(-0.5, columns - 0.5, -0.5, rows - 0.5),
             cmap=LIGHT,
-            **limits,
+            vmin=min(0.0, factor * lowest),
+            vmax=highest,
         )
         axes.set(xlabel="detector column", ylabel="detector row")
         where = f"{scan.positions_mm[line]:.2f}".replace("-", "\N{MINUS SIGN}")
@@ -148,7 +146,8 @@ def _brightest(image: FloatArray) -> FloatArray:
     whole = np.full((rows * step, columns * step), np.nan)
     whole[: image.shape[0], : image.shape[1]] = image
     blocks = whole.reshape(rows, step, columns, step)
-    return np.fmax.reduce(np.fmax.reduce(blocks, axis=3), axis=1)
+    brightest: FloatArray = np.fmax.reduce(np.fmax.reduce(blocks, axis=3), axis=1)
+    return brightest
 
 
 def light_curve_figure(stack: ImageStack, result: Reconstruction) -> Figure:

@@ -57,9 +57,9 @@ def test_every_map_of_a_run_has_an_arrow_to_x_and_the_words(roll):
     comparison = compare(result, scene)
     part = ErrorTerm("ray noise", (0.0, 0.0), 1.0, result.deviation_mm)
     towards = np.array([np.cos(np.radians(roll)), -np.sin(np.radians(roll))])
-    figures = [image_figure(stack, x_direction(result.x_mm, result.y_mm)), slope_figure(result),
-               height_figure(result, comparison), height_figure(result, None),
-               parts_figure(result, (part,))]  # fmt: skip
+    frame = MapFrame.of(result.x_mm, result.y_mm, result.mask)
+    figures = [image_figure(stack, frame), slope_figure(result), height_figure(result, comparison),
+               height_figure(result, None), parts_figure(result, (part,))]  # fmt: skip
     for figure in figures:
         shown = [axes for axes in figure.axes if axes.images]
         assert shown

@@ -69,7 +69,8 @@ def _rays(sight: Sight, chosen: IntArray, a_mm: float = 0.0, b_mm: float = 0.0) 
     mirror, u, v = chief.reverse(sight.row[chosen], sight.column[chosen], a_mm, b_mm)
     start = np.broadcast_to(chief.camera_frame.to_world(a_mm, b_mm), mirror.shape)
     rays = np.stack([ScreenModel.of(sight.scene.screen).to_world(u, v), mirror, start], 1)
-    return rays[np.isfinite(rays).all((1, 2))]
+    complete: FloatArray = rays[np.isfinite(rays).all((1, 2))]
+    return complete
 
 
 def _plain(values: FloatArray) -> Any:
