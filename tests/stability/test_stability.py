@@ -11,7 +11,7 @@ from irtscots_cl.maths.integration import integrate_slopes
 from irtscots_cl.maths.quadric import Quadric
 from irtscots_cl.measurement.centroids import centroids
 from irtscots_cl.measurement.light_curves import Flag
-from irtscots_cl.stability import curves, masks
+from irtscots_cl.stability import conics, curves, edges, masks, paths, zernike
 from irtscots_cl.stability.checks import Bench, Limit, finding
 from irtscots_cl.stability.conics import HALVES
 from irtscots_cl.stability.exact import ExactMirror
@@ -29,6 +29,16 @@ def check(case, bench):
         assert part.passed, part
 
 
+@pytest.fixture
+def few_rays(monkeypatch):
+    """Fewer rays than `irtscots stability` takes: their reference at 50 digits is nearly all of the time."""
+    for module in (conics, edges):
+        monkeypatch.setattr(module, "RAYS", 64)  # of each bundle of 256
+    monkeypatch.setattr(paths, "RAYS", 2)  # of each pixel's 6
+    monkeypatch.setattr(zernike, "RAYS", 32)  # of 64
+
+
+@pytest.mark.usefixtures("few_rays")
 @named([case for case in CASES if not case.on_host and not case.long])
 def test_on_the_device(case, device, precision):
     check(case, Bench(device, precision))

@@ -34,7 +34,7 @@ CHANCE = FAILURE_CHANCE / STATEMENTS
 Z = sidak_z(1, CHANCE)  # of a single statement: 5.7
 
 DIRECT, GHOST, SCATTER = range(len(KINDS))
-RAYS = {"sphere": 2**17, "sphere-deviated": 2**17, "lopsided": 2**17, "turned": 2**17, "off-axis": 1024}  # 5e7 to 1.1e8
+RAYS = {"sphere": 2**17, "sphere-deviated": 2**17, "lopsided": 2**15, "turned": 2**15, "off-axis": 512}  # 1e7 to 1e8
 
 
 # --- the sequential estimators' pictures --------------------------------------------------------------------

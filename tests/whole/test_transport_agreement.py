@@ -21,17 +21,17 @@ from irtscots_cl.opencl.structs import WEIGHT_ONE
 from irtscots_cl.tracing.trace import trace
 
 FAILURE_CHANCE = 1e-6
-# Rays per screen pixel and per detector pixel: 1e8 and 4e7 to 6e7 in all (off-axis: 4e8 and 4e7), seconds
+# Rays per screen pixel and per detector pixel: 3e7 and 1e7 in all (off-axis: 4e8 and 4e7), a second
 RAYS = {
-    "sphere": (2**18, 4096),
-    "sphere-deviated": (2**18, 4096),
+    "sphere": (2**16, 1024),
+    "sphere-deviated": (2**16, 1024),
     "off-axis": (4096, 4096),
-    "lopsided": (2**18, 2**14),
-    "lopsided-freeform": (2**18, 2**14),
-    "real": (2**18, 2**14),
-    "real-points": (2**18, 2**14),
-    "asphere": (2**13, 4096),
-    "lopsided-asphere": (2**18, 2**14),
+    "lopsided": (2**16, 4096),
+    "lopsided-freeform": (2**16, 4096),
+    "real": (2**16, 4096),
+    "real-points": (2**16, 4096),
+    "asphere": (2**12, 1024),
+    "lopsided-asphere": (2**16, 4096),
 }
 POOL = {"off-axis": (8, 20)}  # detector and screen pixels per side of a pool; its forward hits are few
 SCENES = [*SEQUENTIAL, "lopsided", "real", "real-points", "asphere", "lopsided-asphere", "lopsided-freeform"]
