@@ -22,7 +22,7 @@ def build(folder: Path) -> subprocess.CompletedProcess:
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory) -> Path:
-    for package in ("sphinx", "myst_parser"):
+    for package in ("sphinx", "myst_parser", "latex2mathml"):
         if importlib.util.find_spec(package) is None:
             pytest.skip(f"{package} is not installed: pip install 'irtscots-cl[docs]'")
     folder = tmp_path_factory.mktemp("pages") / "html"
