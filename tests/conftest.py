@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -17,24 +18,31 @@ from irtscots_cl.opencl.device import Device, select_device
 
 # Tests that are slow by measurement, beside those marked by hand: tools/slow_tests.py writes the list.
 SLOW = frozenset((Path(__file__).parent / "slow_tests.txt").read_text(encoding="utf-8").splitlines())
+# Processor time of the longest files without their slow tests, also written by tools/slow_tests.py
+FILE_SECONDS = {
+    name: float(seconds)
+    for seconds, name in map(str.split, (Path(__file__).parent / "file_seconds.txt").read_text("utf-8").splitlines())
+}
 # Fixtures that give a device of the machine, or run commands that may use one
 DEVICE_FIXTURES = {"device", "precision"}
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what runs kernels as needs_device: tools/second_device runs these alone on another OpenCL implementation.
 
     By fixtures, also those that a test's own fixtures use; what finds its device in another way is marked by hand.
-    Mark the tests of slow_tests.txt as slow. Files with slow tests come first: the short ones are left to fill the
-    processes evenly at the end, where several share the files.
+    Mark the tests of slow_tests.txt as slow. Where several processes share the files, the long files come first, by
+    FILE_SECONDS or by their slow tests: the short ones are left to fill the processes evenly at the end.
     """
     for item in items:
         if item.nodeid in SLOW:
             item.add_marker(pytest.mark.slow)
         if DEVICE_FIXTURES.intersection(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.needs_device)
-    long_files = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in long_files)
+    seconds = FILE_SECONDS
+    if "not slow" not in config.option.markexpr:
+        seconds = Counter(item.nodeid.split("::")[0] for item in items if item.get_closest_marker("slow"))
+    items.sort(key=lambda item: -seconds.get(item.nodeid.split("::")[0], 0))
 
 
 @pytest.fixture(scope="session")

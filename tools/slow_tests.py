@@ -5,6 +5,8 @@ time each. Runs all tests but those marked slow or long by hand, in two processe
 Processor time hardly depends on what else the machine does. A fixture's or a kernel's time counts for the first test
 that uses it; with that test left out it counts for the next, so the tests run PASSES times.
 
+tests/file_seconds.txt gets the sums over the longest files of the tests that are left: conftest.py runs these first.
+
 Usage: .venv/bin/python tools/slow_tests.py [FOLDER...]    FOLDER: of times that are already measured (cpu_time.py)
 """
 
@@ -14,11 +16,14 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LIST = ROOT / "tests" / "slow_tests.txt"
+FILES = ROOT / "tests" / "file_seconds.txt"
 LIMIT_S = 0.8
+FILE_LIMIT_S = 2.0
 PASSES = 2
 HEAD = (
     f"# Tests of more than {LIMIT_S} s of processor time, as tools/slow_tests.py found them; conftest.py marks them.\n"
@@ -41,6 +46,15 @@ def run_tests(folder: Path) -> None:
     subprocess.run(command, cwd=ROOT, env=env, check=False)
 
 
+def write_files(times: dict[str, float]) -> None:
+    """The files whose tests take more than FILE_LIMIT_S together, longest first."""
+    files: Counter[str] = Counter()
+    for name, seconds in times.items():
+        files[name.split("::")[0]] += seconds
+    lines = [f"{seconds:.0f} {name}\n" for name, seconds in files.most_common() if seconds > FILE_LIMIT_S]
+    FILES.write_text("".join(lines), encoding="utf-8")
+
+
 def main() -> int:
     slow: set[str] = set()
     times: dict[str, float] = {}
@@ -55,6 +69,7 @@ def main() -> int:
                 times = measured(Path(own))
         slow |= {name for name, seconds in times.items() if seconds > LIMIT_S}
     LIST.write_text(HEAD + "".join(f"{name}\n" for name in sorted(slow)), encoding="utf-8")
+    write_files({name: seconds for name, seconds in times.items() if name not in slow})
     rest = sum(seconds for name, seconds in times.items() if name not in slow)
     print(f"{LIST.relative_to(ROOT)}: {len(slow)} tests; the {len(times.keys() - slow)} others take {rest:.0f} s of "
           "processor time")  # fmt: skip

@@ -83,7 +83,7 @@ def test_stated_errors_hold(name, order, noise_urad):
     """Errors of pistons over stated ones, of random deviations: rms near 1, or stated too large."""
     x, y, mask = pupil()
     pulls = []
-    for seed in range(5):
+    for seed in range(3):
         gap = dead(float(name[:2]) / 100, seed) if "dead" in name else GAPS[name]
         z, p, q = surface(x, y, random_terms(order, seed))
         noise = noise_urad * 1e-6 * np.random.default_rng(seed).standard_normal((2, SIZE, SIZE))
@@ -94,7 +94,7 @@ def test_stated_errors_hold(name, order, noise_urad):
         pulls += list((own - own[0])[known] / islands.error_mm[known])
     if pulls:
         print(name, order, noise_urad, len(pulls), f"pulls {np.sqrt(np.mean(np.square(pulls))):.2f}")
-        # 5 deviations of one pair of facets scatter by a third. Seen: 0.1 to 1.6
+        # 3 deviations of one pair of facets scatter by 40 %. Seen: 0.1 to 1.6
         assert np.sqrt(np.mean(np.square(pulls))) < 2.0
 
 

@@ -32,29 +32,22 @@ def run(device, tmp_path, structs, precision, signature, body, inputs, out):
 
 
 @pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("name", NAMES)
-def test_layout_is_the_devices(device, tmp_path, precision, scene, name):
-    structs = structs_of(scene, precision)
-    if name not in structs:
-        # a mirror without deviation has no such structure, one of few radial terms no recurrence
-        assert (scene == "plain" and name.startswith("Zernike")) or (scene, name) == ("deviated", "ZernikeTerm")
-        return
-    dtype = structs[name]
-    body = f"    {name} s;\n    out[0] = (int)sizeof({name});\n" + "".join(
-        f"    out[{i}] = (int)((const char *)&s.{field} - (const char *)&s);\n"
-        for i, field in enumerate(dtype.names, 1)
-    )
-    out = run(
-        device,
-        tmp_path,
-        structs,
-        precision,
-        "__global int *out",
-        body,
-        [],
-        np.zeros(1 + len(dtype.names), np.int32),
-    )
-    assert list(out) == [dtype.itemsize, *(dtype.fields[field][1] for field in dtype.names)]
+def test_layout_is_the_devices(device, tmp_path, precision, scene):
+    """Sizes and offsets of all structures, by one kernel."""
+    structs, lines, expected = structs_of(scene, precision), [], []
+    for name in NAMES:
+        if name not in structs:
+            # a mirror without deviation has no such structure, one of few radial terms no recurrence
+            assert (scene == "plain" and name.startswith("Zernike")) or (scene, name) == ("deviated", "ZernikeTerm")
+            continue
+        dtype = structs[name]
+        lines += [f"(int)sizeof({name})"]
+        lines += [f"(int)((const char *)&of_{name}.{field} - (const char *)&of_{name})" for field in dtype.names]
+        expected += [(name, dtype.itemsize), *((f"{name}.{f}", dtype.fields[f][1]) for f in dtype.names)]
+    body = "".join(f"    {name} of_{name};\n" for name in NAMES if name in structs)
+    body += "".join(f"    out[{i}] = {line};\n" for i, line in enumerate(lines))
+    out = run(device, tmp_path, structs, precision, "__global int *out", body, [], np.zeros(len(lines), np.int32))
+    assert [(name, int(found)) for (name, _), found in zip(expected, out, strict=True)] == expected
 
 
 def leaves(dtype, path=""):
@@ -82,24 +75,21 @@ def fill(array, numbers):
                 fill(np.atleast_1d(inner), numbers)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_every_number_arrives_under_its_name(device, tmp_path, precision, name):
+def test_every_number_arrives_under_its_name(device, tmp_path, precision):
+    """All structures' numbers, by one kernel."""
     structs = structs_of("deviated and annular", precision)
-    value = np.zeros(1, structs[name])
-    numbers = leaves(structs[name])
-    fill(value, iter(range(3, 3 + len(numbers))))
-    body = "".join(f"    out[{i}] = (int)s[0]{path};\n" for i, (path, _) in enumerate(numbers))
+    values, signature, body, count = [], "", "", 0
+    for name in NAMES:
+        numbers, value = leaves(structs[name]), np.zeros(1, structs[name])
+        fill(value, iter(range(3 + count, 3 + count + len(numbers))))
+        values.append(value)
+        signature += f"__global const {name} *of_{name}, "
+        body += "".join(f"    out[{count + i}] = (int)of_{name}[0]{path};\n" for i, (path, _) in enumerate(numbers))
+        count += len(numbers)
     out = run(
-        device,
-        tmp_path,
-        structs,
-        precision,
-        f"__global const {name} *s, __global int *out",
-        body,
-        [value],
-        np.zeros(len(numbers), np.int32),
+        device, tmp_path, structs, precision, f"{signature}__global int *out", body, values, np.zeros(count, np.int32)
     )
-    np.testing.assert_array_equal(out, np.arange(3, 3 + len(numbers)))
+    np.testing.assert_array_equal(out, np.arange(3, 3 + count))
 
 
 def test_fates_have_the_hosts_numbers(device, tmp_path):

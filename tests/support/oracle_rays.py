@@ -14,7 +14,7 @@ from irtscots_cl.optics.setup import Setup
 from irtscots_cl.tracing.packing.sources import emitters, receivers
 from irtscots_cl.tracing.samplers import sample_words
 
-SOURCES, RAYS = 64, 512
+SOURCES, RAYS = 32, 512
 SEED, FIRST_RAY = 7, 5
 
 

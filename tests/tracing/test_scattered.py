@@ -103,9 +103,16 @@ class Scatterer:
         return out[:, :2], out[:, 2:5], out[:, 5], out[:, 6], out[:, 7]
 
 
+@pytest.fixture(scope="module")
+def built(device, tmp_path_factory):
+    """Made once each: the same for all angles."""
+    folder = tmp_path_factory.mktemp("scattered")
+    return cache(lambda precision, model, aimed: Scatterer(device, folder, precision, model, aimed))
+
+
 @pytest.fixture
-def scatterer(device, tmp_path, precision):
-    return lambda model, aimed: Scatterer(device, tmp_path, precision, model, aimed)
+def scatterer(built, precision):
+    return lambda model, aimed: built(precision, model, aimed)
 
 
 @cache

@@ -53,7 +53,7 @@ def test_forward_paths(device, precision, name):
     paths, oracle = rays.paths, rays.oracle
     met = oracle.on_mirror
     # the aim covers the mirror closely, or where pixels are large against it less so
-    assert len(paths) >= 20_000 and met.mean() > (0.6 if name in CURVATURES else 0.9)
+    assert len(paths) >= 10_000 and met.mean() > (0.6 if name in CURVATURES else 0.9)
     assert worst((paths[:, 0:2] - ground(oracle))[met]) < MIRROR_MM[precision]
     assert worst((paths[:, 2:5] - oracle.mirror)[met]) < MIRROR_MM[precision]
     assert worst((paths[:, 5:7] - oracle.aperture)[met]) < tolerance
@@ -85,7 +85,7 @@ def test_forward_paths_land_on_the_detector_pixel_that_the_lens_images_them_to(d
     column, row = np.floor(column + 0.5).astype(int), np.floor(row + 0.5).astype(int)
     on = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     expected = np.where(on, row * columns + column, -1)
-    assert clear.sum() >= 15_000 and len(np.unique(expected[clear])) > 3000
+    assert clear.sum() >= 7500 and len(np.unique(expected[clear])) > 2000
     np.testing.assert_array_equal(rays.marks[clear, 2], expected[clear])
     # the lop-sided mirror's image is larger than the detector; others' rays pass far beside the aperture
     assert (name in ("lopsided", "convex", "flat", "lopsided-convex")) == bool((expected[clear] < 0).any())
@@ -98,7 +98,7 @@ def test_adjoint_paths(device, precision, name):
     paths, oracle = rays.paths, rays.oracle
     # a nearly level ray may pass the mirror and meet the far side of its sphere, which the oracle tells by nothing else
     met = oracle.on_mirror & (np.abs(oracle.mirror[:, 2]) < scene.mirror.diameter_mm / 4)
-    assert met.sum() >= (3000 if name == "sideways" else 20_000)  # most of its pixels see the mirror at their edge
+    assert met.sum() >= (1500 if name == "sideways" else 10_000)  # most of its pixels see the mirror at their edge
     assert worst((paths[:, 0:2] - ground(oracle))[met]) < MIRROR_MM[precision]
     assert worst((paths[:, 2:5] - oracle.mirror)[met]) < MIRROR_MM[precision]
     assert worst((paths[:, 5:7] - oracle.screen)[met]) < LANDING_MM[precision]

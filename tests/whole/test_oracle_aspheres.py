@@ -13,7 +13,7 @@ from oracle_rays import adjoint_rays, forward_rays
 from irtscots_cl.optics.surface import Surface
 from irtscots_cl.tracing.checks.probes import MeetProbe
 
-RAYS = 4096
+RAYS = 1024
 POINT_MM = {"fp32": 1e-3, "fp64": 1e-6}  # 1 um, 1 nm; found: an ulp of 50 mm, 4e-6, and 3e-12
 # fp32: an ulp of a radius of 50 mm, times the bend of the terms, up to 0.03/mm, and a few roundings of slopes up to 0.4
 SLOPE = {"fp32": 4e-7, "fp64": 1e-9}
