@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import os
+import re
 import sys
 import warnings
 from typing import NoReturn
@@ -111,9 +112,24 @@ def _show_warning(message, category, filename, lineno, file=None, line=None) -> 
         print(warnings.formatwarning(message, category, filename, lineno, line), end="", file=file or sys.stderr)
 
 
+def _plain(message: str) -> str:
+    """argparse's message with the nearest command, and with numbers as a user knows them."""
+    wrong = re.fullmatch(r"argument (.+): invalid (int|float) value: '(.*)'", message, re.DOTALL)
+    if wrong:
+        kind = "a whole number" if wrong[2] == "int" else "a number"
+        return f"argument {wrong[1]} = {wrong[3]!r}: must be {kind}, without commas or units"
+    wrong = re.match(r"argument COMMAND: invalid choice: '(.*?)'", message)
+    import difflib  # here alone: start-up time
+
+    names = [module.__name__.rpartition(".")[2].replace("_", "-") for module in COMMANDS]
+    close = difflib.get_close_matches(wrong[1], names, 1) if wrong else ()
+    return f"{message}; did you mean {close[0]}?" if close else message
+
+
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Print one line, like every other error, without the usage text."""
+        message = _plain(message)
         self.exit(EXIT_BAD_INPUT, f"irtscots: {message}; see {self.prog} --help\n")
 
 

@@ -242,7 +242,7 @@ def _error_table(report: Report) -> Table:
         )
         rows.append((f"height without {terms.replace('_', ', ')} [nm]", str(estimate), *parts))
     said = f"predicted is a bound: {predicted['bound']}" if predicted["bound"] else ""
-    head = ("", "actual", "predicted", "ray noise", "line sampling", "all systematic", "rounding")
+    head = ("", "actual", "predicted", "ray noise (of the simulation)", "line sampling", "all systematic", "rounding")
     return Table("Error, rms over the pixels used" + (f"; {said}" if said else ""), head, rows)
 
 
@@ -275,7 +275,10 @@ def _target_table(target: Target) -> Table:
     chosen = target["predicted"]
     rows = [
         ("reached", f"{target['reached_nm']:.3g} nm" + ("" if target["met"] else ": MISSED")),
-        ("predicted", f"{chosen['height_nm']:.3g} nm, of which {chosen['floor_nm']:.3g} nm without ray noise"),
+        (
+            "predicted",
+            f"{chosen['height_nm']:.3g} nm, of which {chosen['floor_nm']:.3g} nm without ray noise (of the simulation)",
+        ),
         (
             "setting",
             f"--estimator {chosen['estimator']} --sampler {chosen['sampler']} --precision {chosen['precision']} "

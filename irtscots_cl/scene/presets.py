@@ -58,8 +58,15 @@ def load_scene(name_or_path: str | os.PathLike[str]) -> Scene:
         raise problem("scene", (), "must be a preset name or the path of a TOML file", name_or_path)
     source = os.fsdecode(name_or_path)
     is_name = isinstance(name_or_path, str) and not _is_path(source)
-    data = preset_text(source, PATH_TOO).encode("utf-8") if is_name else _read(source)
+    data = preset_text(source, PATH_TOO + _taken_for_a_name(source)).encode("utf-8") if is_name else _read(source)
     return Scene.from_dict(_parse(data, source), source)
+
+
+def _taken_for_a_name(source: str) -> str:
+    """Why what is there was not read: a text without .toml and / is the name of a preset."""
+    if source in ("", ".", "..") or "\0" in source or not os.path.exists(source):
+        return ""
+    return f"; {source} is a folder" if os.path.isdir(source) else f"; write ./{source} for the file of that name"
 
 
 def with_noise_file(scene: Scene, path: str | os.PathLike[str]) -> Scene:

@@ -211,3 +211,21 @@ def test_an_absurd_limit_is_refused(irtscots, here, option, value):
 )  # fmt: skip
 def test_options_without_effect_are_refused(irtscots, here, options, words):
     refused(irtscots("run", "mine.toml", "--out", "out", *options), words)
+
+
+@pytest.mark.parametrize(
+    "words, cause",
+    [
+        (("rnu", "sphere"), "did you mean run?"),
+        (("desing-patterns",), "did you mean design-patterns?"),
+        (("run", "sphere", "--rays-per-pixel", "1,000"), "--rays-per-pixel = '1,000': must be a whole number"),
+        (("run", "sphere", "--target-nm", "3nm"), "--target-nm = '3nm': must be a number, without commas or units"),
+        (("run", "notes.txt"), "write ./notes.txt for the file of that name"),
+        (("run", "mine"), "; mine is a folder"),
+    ],
+)
+def test_the_cause_of_a_wrong_line_is_named(words, cause, irtscots, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "notes.txt").touch()
+    (tmp_path / "mine").mkdir()
+    refused(irtscots(*words), cause)
