@@ -29,15 +29,16 @@ class Drawing:
 
 
 def bar_chart(title: str, rows: Sequence[tuple[str, float, float]], unit: str) -> str:
-    """Horizontal bars of (name, value, standard error or NaN); all values from 0 up."""
+    """Horizontal bars of (name, value, standard error or NaN); all values from 0 up, to the decimals of the largest."""
     most = max((value for _, value, _ in rows if math.isfinite(value)), default=0.0) or 1.0
+    decimals = max(2 - math.floor(math.log10(most)), 0)
     parts = []
     for k, (name, value, error) in enumerate(rows):
         y = k * (BAR + GAP) + GAP
         known = math.isfinite(value)
-        length = (WIDE - LABEL - 105) * (value / most if known else 0.0)
-        text = f"{value:.3g} {unit}" if known else "not known"
-        text += f" ± {error:.1g}" if math.isfinite(error) and known else ""
+        length = (WIDE - LABEL - 120) * (value / most if known else 0.0)
+        spread = f" ± {error:.{decimals}f}" if math.isfinite(error) else ""
+        text = f"{value:.{decimals}f}{spread} {unit}" if known else "not known"
         parts.append(_label(name, y) + _bar(LABEL, y, length, OUT) + _text(LABEL + length + 6, y, text))
     return _svg(title, parts, len(rows))
 
@@ -45,7 +46,7 @@ def bar_chart(title: str, rows: Sequence[tuple[str, float, float]], unit: str) -
 def zernike_chart(rows: Sequence[tuple[str, float | None, float, float]]) -> str:
     """Bars on both sides of zero of (name, put in or None, measured, standard error), in µm."""
     values = [abs(v) for _, given, out, _ in rows for v in (given or 0.0, out) if math.isfinite(v)]
-    most, half = max(values, default=0.0) or 1.0, (WIDE - LABEL - 115) / 2
+    most, half = max(values, default=0.0) or 1.0, (WIDE - LABEL - 150) / 2
     middle, parts = LABEL + half, []
     for k, (name, given, out, error) in enumerate(rows):
         y = k * (BAR + GAP) + GAP
@@ -58,7 +59,7 @@ def zernike_chart(rows: Sequence[tuple[str, float | None, float, float]]) -> str
                 low, high = (middle + half * (out + sign * error) / most for sign in (-1, 1))
                 at = y + below + (BAR - below) / 2
                 parts.append(f'<path d="M{low:.1f} {at:.1f}H{high:.1f}" stroke="{ERROR}" stroke-width="1.5"/>')
-        text = f"{out:+.4f}" + (f" ± {error:.1g}" if math.isfinite(error) else "") if math.isfinite(out) else "-"
+        text = f"{out:+.5f}" + (f" ± {error:.5f}" if math.isfinite(error) else "") if math.isfinite(out) else "-"
         parts.append(_label(name, y) + _text(middle + half + 8, y, text))
     parts.append(f'<path d="M{middle:.1f} 0V{len(rows) * (BAR + GAP) + GAP}" stroke="#222"/>')
     return _svg("Zernike coefficients in µm", parts, len(rows))
@@ -122,7 +123,8 @@ def _label(name: str, y: float) -> str:
 
 
 def _text(x: float, y: float, text: str) -> str:
-    return f'<text x="{x:.1f}" y="{y + BAR - 3:.1f}">{escape(text)}</text>'
+    signed = escape(text).replace("-", "\N{MINUS SIGN}")
+    return f'<text x="{x:.1f}" y="{y + BAR - 3:.1f}">{signed}</text>'
 
 
 def _bar(x: float, y: float, length: float, colour: str) -> str:

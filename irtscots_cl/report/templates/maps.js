@@ -28,12 +28,15 @@ function colour(table, share) {
 
 function digits(value, count = 5) {
   if (!Number.isFinite(value)) return "–";
-  return Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-3) ? value.toExponential(count - 1)
-    : String(Number(value.toPrecision(count)));
+  return minus(Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-3) ? value.toExponential(count - 1)
+    : String(Number(value.toPrecision(count))));
 }
 
+// A number's text with the signs of print.
+function minus(text) { return text.replaceAll("-", "−"); }
+
 // To a micrometre, without -0.
-function millimetres(value) { return Number.isFinite(value) ? (Math.round(value * 1000) / 1000 + 0).toFixed(3) : "–"; }
+function millimetres(value) { return Number.isFinite(value) ? minus((Math.round(value * 1000) / 1000 + 0).toFixed(3)) : "–"; }
 
 // The least-squares fit of the first `count` of 1, x, y, power, astigmatism (2), coma (2) over the used pixels, taken
 // off the values; NaN elsewhere. With 0 terms the values of the used pixels as they are.
@@ -119,7 +122,8 @@ function sized(canvas, most, high) {
 function stretch(canvas) { return canvas.clientWidth ? canvas.width / canvas.clientWidth : 1; }
 
 function paintBar(canvas, table, low, high, unit) {
-  const [context, wide] = sized(canvas, 544, 44), inner = wide - 20;
+  const above = byId(canvas.id === "bar" ? "map" : "frame");  // its ends are below the picture's
+  const [context, wide] = sized(canvas, (above.clientWidth || 524) + 20, 44), inner = wide - 20;
   for (let k = 0; k < inner; k++) {
     context.fillStyle = `rgb(${colour(table, k / (inner - 1)).map(Math.round).join(" ")})`;
     context.fillRect(10 + k, 2, 1.5, 16);
@@ -139,7 +143,7 @@ function rulers({ rows, columns, mm }) {
     const ruler = byId(id), all = [], bold = document.createElement("b");
     for (const value of nice(low, high)) {
       const share = 100 * (value - low) / (high - low), span = document.createElement("span");
-      span.textContent = String(value).replace("-", "−");
+      span.textContent = minus(String(value));
       if (across) span.style.cssText = `left: ${share}%; transform: translateX(-50%); ${id === "map-top" ? "bottom" : "top"}: 0`;
       else span.style.cssText = `bottom: ${share}%; transform: translateY(50%); ${id === "map-left" ? "right" : "left"}: .25rem`;
       all.push(span);

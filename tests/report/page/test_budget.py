@@ -82,7 +82,15 @@ def test_the_pixel_is_that_of_the_detector(opened, tmp_path):
     with opened(tmp_path / "report.html") as page:
         row, column = map(int, page.locator("#pixel td").first.inner_text().split(", "))
         assert row in seen.row and column in seen.column
-        x, y = (float(v) for v in page.locator("#pixel td").nth(1).inner_text().replace(" mm", "").split(", "))
+        x, y = (
+            float(v)
+            for v in page.locator("#pixel td")
+            .nth(1)
+            .inner_text()
+            .replace(" mm", "")
+            .replace("\N{MINUS SIGN}", "-")
+            .split(", ")
+        )
         i, k = list(seen.row).index(row), list(seen.column).index(column)
         assert (x, y) == pytest.approx((seen.x_mm[i, k], seen.y_mm[i, k]), abs=1e-3)
 

@@ -123,7 +123,7 @@ def test_a_click_shows_the_numbers_of_all_runs(page, runs):
     assert shown.pop("row, column") == "9, 14"
     for run in runs:
         value = run.maps["slope/x_rad"][row, column] * 1e6
-        text = shown[run.name].split()[0].replace("–", "nan")  # noqa: RUF001
+        text = shown[run.name].split()[0].replace("–", "nan").replace("\N{MINUS SIGN}", "-")  # noqa: RUF001
         assert float(text) == pytest.approx(value, rel=1e-5, nan_ok=True)
     page.locator("#map").press("ArrowUp")
     assert page.locator("#pixel td").first.inner_text() == "10, 14" and page.said == []

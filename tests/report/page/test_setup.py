@@ -73,7 +73,9 @@ def test_the_light_of_the_shown_line_follows_the_slider(page, run):
     place = run.stack.x.positions_mm
     corners = page.eval_on_selector("#setup-screen rect", "r => [Number(r.getAttribute('width'))]")
     assert after[0] > before[0] and np.ptp(after) == 0 and corners[0] > 0
-    assert f"line x at {place[line + 2]:.4g} mm" in page.locator("#setup-text").inner_text()
+    assert f"line x at {place[line + 2]:.4g} mm" in page.locator("#setup-text").inner_text().replace(
+        "\N{MINUS SIGN}", "-"
+    )
     page.select_option("#scan", "1")
     assert np.ptp(page.evaluate(LIT_DOTS)) > 10  # a row: its rays begin side by side
     page.uncheck("#rays")
