@@ -83,7 +83,7 @@ def test_peaks_to_valleys_hold_the_truth(size):
         assert all(one.low <= one.estimate for one in found)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_intervals_of_a_thousand_tests_hold_the_truth_as_often_as_they_say():
     """Of 1000 independent tests 95 % would be held but for 0.7 % (one sigma): 93.6 to 96.4 %."""
     parts = [trials_of(125, seed) for seed in range(8)]

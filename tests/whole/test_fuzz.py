@@ -1,6 +1,6 @@
 """Files made by chance are refused in one line or mean something; they never crash, hang, or fill the memory.
 
-IRTSCOTS_FUZZ: how many scene files, and a tenth as many image files (default 1000); .ci/run takes 10,000.
+IRTSCOTS_FUZZ: how many scene files, and a tenth as many image files (default 1000, also in .ci/run).
 """
 
 from __future__ import annotations
