@@ -130,13 +130,20 @@ def _finer(result: Reconstruction, stack: ImageStack) -> Reconstruction:
     if result.light_curve != "centroid" or result.updates_nm:
         return result
     try:
-        finer = reconstruct(stack, result.setup, light_curve="chord", method="cubic", pixel_average=False)
+        # its error bars are not asked for, and each replicate costs as much as the mean
+        finer = reconstruct(_of_means(stack), result.setup, light_curve="chord", method="cubic", pixel_average=False)
     except ValueError:  # of cubic: neighbours at one place
         return result
     known = finer.height_mask & result.mask
     if known.sum() < max(MIN_PIXELS, KNOWN_AGAIN * result.pixels_used):  # it joins other islands
         return result
     return dataclasses.replace(finer, mask=known, islands=None)
+
+
+def _of_means(stack: ImageStack) -> ImageStack:
+    """The stack with the means over its replicates alone."""
+    x, y = (dataclasses.replace(s, flux_w=s.mean_w()[None], weights=np.ones(1)) for s in (stack.x, stack.y))
+    return dataclasses.replace(stack, x=x, y=y)
 
 
 def _joined_part(result: Reconstruction) -> Reconstruction:
