@@ -112,7 +112,7 @@ def _sampled(stack: ImageStack, light: PixelLight) -> list[FloatArray]:
 
 
 def _round(result: Reconstruction, stack: ImageStack, fit: Fit, measured: list[FloatArray] | None) -> Reconstruction:
-    """One round: the surface that explains the measured light curves. measured: their centroids; None: estimated anew."""
+    """One round: the surface that explains the measured curves. measured: their centroids; None: estimated anew."""
     scene, mask = modelled(result, fit), result.mask
     chief = ChiefRays(scene)
     pixels = np.flatnonzero(mask)
@@ -128,7 +128,8 @@ def _round(result: Reconstruction, stack: ImageStack, fit: Fit, measured: list[F
     for k, (on_grid, mean, scan) in enumerate(zip(model, means, (stack.x, stack.y), strict=True)):
         on_grid.ravel()[pixels] = mean
         differ = np.full((1 + len(result.jackknife_slope_x), mask.size), np.nan)
-        if measured is not None and sampled is not None:
+        if estimates is None:
+            assert measured is not None and sampled is not None
             differ[:, scan.pixels] = measured[k] - sampled[k]
         elif result.light_curve == "likelihood":
             differ[:, estimates[k].scan.pixels] = estimates[k].centroid_mm
