@@ -10,6 +10,7 @@ only on the differences. This is Gauss-Newton on the slopes.
 from __future__ import annotations
 
 import dataclasses
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +48,9 @@ def refine(result: Reconstruction, stack: ImageStack, *, rounds: int = 4, tolera
     the light moves, and the rounds would not converge.
     """
     fit = zernike_fit(result)
+    measured = None if result.estimates_of_scans else [centroids(s, s.jackknife_w()) for s in (stack.x, stack.y)]
     for _ in range(rounds):
-        refined = _round(result, stack, fit)
+        refined = _round(result, stack, fit, measured)
         change = remove_terms(
             result.x_mm, result.y_mm, refined.deviation_mm - result.deviation_mm, result.height_mask, "piston_tilt"
         )
@@ -103,8 +105,14 @@ def modelled(result: Reconstruction, fit: Fit) -> Scene:
     return dataclasses.replace(result.nominal, mirror=dataclasses.replace(mirror, zernike=(terms,)))
 
 
-def _round(result: Reconstruction, stack: ImageStack, fit: Fit) -> Reconstruction:
-    """One round: the model's light curves, and the surface that explains the measured ones."""
+def _sampled(stack: ImageStack, light: PixelLight) -> list[FloatArray]:
+    """Centroids of the modelled light's curves on both scans."""
+    with ThreadPoolExecutor(2) as pool:  # NumPy works on both at once
+        return list(pool.map(lambda scan: sampled_centroids(scan, light), (stack.x, stack.y)))
+
+
+def _round(result: Reconstruction, stack: ImageStack, fit: Fit, measured: list[FloatArray] | None) -> Reconstruction:
+    """One round: the surface that explains the measured curves. measured: their centroids; None: estimated anew."""
     scene, mask = modelled(result, fit), result.mask
     chief = ChiefRays(scene)
     pixels = np.flatnonzero(mask)
@@ -116,11 +124,13 @@ def _round(result: Reconstruction, stack: ImageStack, fit: Fit) -> Reconstructio
     if result.estimates_of_scans:
         new, old = estimate_centroids(stack, result.setup, result.light_curve, light), result.estimates_of_scans
         estimates = (_with_errors_of(new[0], old[0]), _with_errors_of(new[1], old[1]))
+    sampled = None if measured is None else _sampled(stack, light)
     for k, (on_grid, mean, scan) in enumerate(zip(model, means, (stack.x, stack.y), strict=True)):
         on_grid.ravel()[pixels] = mean
         differ = np.full((1 + len(result.jackknife_slope_x), mask.size), np.nan)
         if estimates is None:
-            differ[:, scan.pixels] = centroids(scan, scan.jackknife_w()) - sampled_centroids(scan, light)
+            assert measured is not None and sampled is not None
+            differ[:, scan.pixels] = measured[k] - sampled[k]
         elif result.light_curve == "likelihood":
             differ[:, estimates[k].scan.pixels] = estimates[k].centroid_mm
             differ -= on_grid.ravel()

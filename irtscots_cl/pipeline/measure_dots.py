@@ -9,7 +9,7 @@ import numpy as np
 
 from irtscots_cl.imaging.camera_files import CameraFiles
 from irtscots_cl.imaging.dots import dot_centres
-from irtscots_cl.imaging.fringe_images import FringeImages, open_fringe_images
+from irtscots_cl.imaging.fringe_images import FringeImages
 from irtscots_cl.imaging.lab_frames import is_saturated
 from irtscots_cl.imaging.orientation import upright
 from irtscots_cl.imaging.shown_frames import DARK, DOTS, WHITE
@@ -24,7 +24,8 @@ from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_pla
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.lab_camera import RecordedImages, recorded_images
 from irtscots_cl.pipeline.measure import measured_facts, named, refuse_bad
-from irtscots_cl.pipeline.places import excluded, median_errors, pixels_to_use, without_bad, write_places
+from irtscots_cl.pipeline.picture import HALF
+from irtscots_cl.pipeline.places import excluded, median_errors, open_places, without_bad, write_places
 from irtscots_cl.report.fringe_file import Rows
 from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
@@ -32,7 +33,6 @@ from irtscots_cl.system import interruption
 
 DOT_MEASURE = "dots"
 METHOD = "cubic"  # of integration
-COVERAGE = 0.5  # least share of a pixel's footprint that lies on the mirror
 
 
 def measure_dots(
@@ -51,10 +51,7 @@ def measure_dots(
     """Measure a mirror from images of dots; arguments, files and errors as of measure_fringes. result.h5 holds the
     dots' places in /dots and how far each pixel is from the next one in /dots/distance_px."""
     check_kind(zernike)
-    nominal = scene.nominal()
-    images = open_fringe_images(paths, nominal, manifest, camera)
-    setup = Setup(nominal)
-    use = pixels_to_use(mask, fiducials, setup)
+    images, setup, use = open_places(paths, scene, manifest, camera, mask, fiducials)
     with named(images.manifest.path):
         return _measured(recorded_images(images), setup, folder, strict, use, zernike, draw)
 
@@ -107,7 +104,7 @@ def _measured(
     dots, counts, lit = dots_of(recorded.images, setup, recorded.limit, use)
     design = design_points(setup)[2:]
     between = interpolated(dots, (design[0], design[1]))
-    on_mirror = setup.chief_rays.footprint.coverage >= COVERAGE
+    on_mirror = setup.chief_rays.footprint.coverage >= HALF
     inside = np.isfinite(between.u_mm + between.v_mm) & on_mirror & lit
     why = without_bad(excluded(inside, {}, use), recorded, setup)
     known = [np.where(why.used, place, np.nan) for place in (between.u_mm, between.v_mm)]
@@ -118,7 +115,7 @@ def _measured(
     refuse_bad(checks, strict)
     errors = [np.where(why.used, error, np.nan) for error in (between.u_error_mm, between.v_error_mm)]
     result = surface_from_places(
-        ScreenPlaces(*known, *errors), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
+        ScreenPlaces(*known, *errors), setup, method=METHOD, pixel_average=False, min_coverage=HALF
     )
     bars = error_bars(result)
     assert bars is not None

@@ -41,13 +41,12 @@ from irtscots_cl.pipeline.fringe_frames import check_light_and_dark, places_by_f
 from irtscots_cl.pipeline.fringes import FRINGES, FringeResult, add_picture_facts, fringe_facts, write_fringes
 from irtscots_cl.pipeline.lab_camera import RecordedImages, recorded_images
 from irtscots_cl.pipeline.measure import measured_facts, named, refuse_bad
-from irtscots_cl.pipeline.picture import MaskChoice, MirrorPicture, look_at_mirror
+from irtscots_cl.pipeline.picture import HALF, MaskChoice, MirrorPicture, look_at_mirror
 from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
 
 METHOD = "cubic"  # of integration
 PRIOR_PERIODS = 0.1  # of the lowest series: how well the design is taken to tell a place, where no series does
-COVERAGE = 0.5  # least share of a pixel's footprint that lies on the mirror
 
 
 def measure_fringes(
@@ -110,7 +109,7 @@ def fringe_surface(
     checks += check_light_and_dark(images, stack)
     refuse_bad(checks, strict)
     orientation = setup.scene.camera.detector.orientation
-    on_mirror = setup.chief_rays.footprint.coverage >= COVERAGE
+    on_mirror = setup.chief_rays.footprint.coverage >= HALF
     picture, lit = _picture_of(stack, setup, on_mirror, choice or MaskChoice())
     checks += picture.checks
     refuse_bad(checks, False)  # marks that are mirrored; warnings wait for the other checks
@@ -137,7 +136,7 @@ def fringe_surface(
 
     def surface(places: ScreenCoordinates) -> Reconstruction:
         return surface_from_places(
-            places_in_mm(places, setup, used), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
+            places_in_mm(places, setup, used), setup, method=METHOD, pixel_average=False, min_coverage=HALF
         )
 
     result = surface(found)

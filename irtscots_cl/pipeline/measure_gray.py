@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from irtscots_cl.imaging.camera_files import CameraFiles
-from irtscots_cl.imaging.fringe_images import FringeImages, open_fringe_images
+from irtscots_cl.imaging.fringe_images import FringeImages
 from irtscots_cl.imaging.gray_code import gray_sets
 from irtscots_cl.imaging.lab_frames import is_saturated
 from irtscots_cl.imaging.orientation import upright
@@ -26,14 +26,14 @@ from irtscots_cl.measurement.screen_places import ScreenPlaces, surface_from_pla
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.lab_camera import RecordedImages, recorded_images
 from irtscots_cl.pipeline.measure import measured_facts, named, refuse_bad
-from irtscots_cl.pipeline.places import excluded, median_errors, pixels_to_use, without_bad, write_places
+from irtscots_cl.pipeline.picture import HALF
+from irtscots_cl.pipeline.places import excluded, median_errors, open_places, without_bad, write_places
 from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
 
 GRAY_MEASURE = "gray"
 METHOD = "cubic"  # of integration
-COVERAGE = 0.5  # least share of a pixel's footprint that lies on the mirror
 MODEL_LIMIT = 0.05  # of a share that noise does not explain, from which on it is named
 
 
@@ -106,10 +106,7 @@ def measure_gray(
 ) -> MeasuredFacts:
     """Measure a mirror from images of a Gray code alone; arguments, files and errors as of measure_fringes."""
     check_kind(zernike)
-    nominal = scene.nominal()
-    images = open_fringe_images(paths, nominal, manifest, camera)
-    setup = Setup(nominal)
-    use = pixels_to_use(mask, fiducials, setup)
+    images, setup, use = open_places(paths, scene, manifest, camera, mask, fiducials)
     with named(images.manifest.path):
         return _measured(recorded_images(images), setup, folder, strict, use, zernike, draw)
 
@@ -135,12 +132,12 @@ def _measured(
     checks.append(orientation_check(setup, known, list(setup.scene.screen.centre_offset_mm)))
     if checks[-1].level == OK:
         checks.append(outline_check(lit, setup))
-    on_mirror = setup.chief_rays.footprint.coverage >= COVERAGE
+    on_mirror = setup.chief_rays.footprint.coverage >= HALF
     checks += [_check_model(max(one.floor for one in found.values())), check_pixels(why.counts(on_mirror))]
     refuse_bad(checks, strict)
     errors = [np.where(why.used, on_grid(found[axis].error_mm, setup), np.nan) for axis in "xy"]
     result = surface_from_places(
-        ScreenPlaces(*known, *errors), setup, method=METHOD, pixel_average=False, min_coverage=COVERAGE
+        ScreenPlaces(*known, *errors), setup, method=METHOD, pixel_average=False, min_coverage=HALF
     )
     bars = error_bars(result)
     assert bars is not None

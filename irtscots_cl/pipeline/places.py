@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from irtscots_cl.imaging.camera_files import CameraFiles
+from irtscots_cl.imaging.fringe_images import FringeImages, open_fringe_images
 from irtscots_cl.imaging.mask_files import DESIGN
 from irtscots_cl.imaging.orientation import stored, upright
 from irtscots_cl.maths.arrays import BoolArray, FloatArray
@@ -21,6 +23,7 @@ from irtscots_cl.pipeline.picture import HALF, MaskChoice
 from irtscots_cl.report.along_axes import AlongAxes
 from irtscots_cl.report.fringe_file import REASON_UNIT, Rows, screen_rows, surface_rows, write_rows
 from irtscots_cl.report.types import MeasuredFacts
+from irtscots_cl.scene.model import Scene
 from irtscots_cl.system.atomic_files import delete_files, replacing, write_json, write_text
 
 
@@ -32,6 +35,21 @@ def excluded(lit: BoolArray, failing: Mapping[Reason, BoolArray], use: BoolArray
     if use is not None:
         reason[~use] = Reason.MASKED
     return Exclusions(reason.astype(np.int64))
+
+
+def open_places(
+    paths: Sequence[Path],
+    scene: Scene,
+    manifest: Path | None,
+    camera: CameraFiles | None,
+    mask: Path | None,
+    fiducials: Path | None,
+) -> tuple[FringeImages, Setup, BoolArray | None]:
+    """The images, the design's setup and the pixels to use; arguments and errors as of measure_fringes."""
+    nominal = scene.nominal()
+    images = open_fringe_images(paths, nominal, manifest, camera)
+    setup = Setup(nominal)
+    return images, setup, pixels_to_use(mask, fiducials, setup)
 
 
 def pixels_to_use(mask: Path | None, fiducials: Path | None, setup: Setup) -> BoolArray | None:
