@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import os
+import shlex
 import sys
 import warnings
 from typing import NoReturn
@@ -61,7 +62,9 @@ COMMANDS = tuple(module for group in GROUPS.values() for module in group)
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command and return the exit code. Every expected failure prints one line on stderr."""
-    options = _parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    options = _parser().parse_args(given)
+    options.arguments = given  # for the command that goes on after an interruption
     with interruption.handled():
         return _run(options)
 
@@ -89,7 +92,8 @@ def _run(options: argparse.Namespace) -> int:
     except MemoryError as error:  # of the host; Python's own message is empty
         return fail(f"too little memory on the host: {error}".removesuffix(": "), EXIT_NO_DEVICE)
     except StoppedError as stopped:
-        return fail(stopped, EXIT_STOPPED)
+        again = options.arguments if options.resume else [*options.arguments, "--resume"]
+        return fail(f"{stopped}: {shlex.join(['irtscots', *again])}", EXIT_STOPPED)
     except KeyboardInterrupt as interrupt:
         return fail(f"interrupted; {str(interrupt) or 'nothing was written'}", EXIT_INTERRUPTED)
     except RuntimeError as error:
