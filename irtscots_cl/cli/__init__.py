@@ -11,6 +11,7 @@ import argparse
 import itertools
 import os
 import re
+import shlex
 import sys
 import warnings
 from typing import NoReturn
@@ -67,7 +68,9 @@ def main(arguments: list[str] | None = None) -> int:
         from irtscots_cl.cli.completion import answer
 
         answer(parser)
-    options = parser.parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    options = parser.parse_args(given)
+    options.arguments = given  # for the command that goes on after an interruption
     with interruption.handled():
         return _run(options)
 
@@ -95,7 +98,8 @@ def _run(options: argparse.Namespace) -> int:
     except MemoryError as error:  # of the host; Python's own message is empty
         return fail(f"too little memory on the host: {error}".removesuffix(": "), EXIT_NO_DEVICE)
     except StoppedError as stopped:
-        return fail(stopped, EXIT_STOPPED)
+        again = options.arguments if options.resume else [*options.arguments, "--resume"]
+        return fail(f"{stopped}: {shlex.join(['irtscots', *again])}", EXIT_STOPPED)
     except KeyboardInterrupt as interrupt:
         return fail(f"interrupted; {str(interrupt) or 'nothing was written'}", EXIT_INTERRUPTED)
     except RuntimeError as error:

@@ -85,10 +85,11 @@ def damaged(path: Path) -> ValueError:
 
 
 def differences(kept: dict[str, Any], here: Fingerprint) -> str:
-    """In words where two runs differ, "" where they do not; inputs follow from the rest and are named last."""
+    """In words where two runs differ, "" where they do not; what follows from the rest is named only without a cause."""
     names = [name for name in {**here, **kept} if kept.get(name) != here.get(name)]
-    if len(names) > 1 and "inputs" in names:
-        names.remove("inputs")
+    for follows in ("inputs", "code"):  # the kernel's text has numbers of the options in it
+        if len(names) > 1 and follows in names:
+            names.remove(follows)
     words = []
     for name in names:
         values = (f"{kept.get(name, 'none')}"[:60], f"{here.get(name, 'none')}"[:60])

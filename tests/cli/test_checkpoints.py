@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -85,7 +86,9 @@ def test_a_signal_saves_and_resume_goes_on_to_the_same_result(irtscots, after_la
     for launches in (2, 3, 4):
         after_launches(launches, lambda: os.kill(os.getpid(), number))
         outcome = irtscots(*arguments, "--out", "cut", "--resume")
-        refused(outcome, "interrupted after", "% of the rays; continue with --resume, from cut/checkpoint", code=4)
+        command = shlex.join(["irtscots", *arguments, "--out", "cut", "--resume"])
+        words = f"% of the rays; continue with --resume, from cut/checkpoint: {command}\n"
+        refused(outcome, "interrupted after", words, code=4)
         assert os.listdir("cut") == ["checkpoint"]
     after_launches(0, None)
     assert irtscots(*arguments, "--out", "cut", "--resume")[0] == 0
@@ -96,7 +99,8 @@ def test_a_signal_saves_and_resume_goes_on_to_the_same_result(irtscots, after_la
 def test_handlers_are_put_back(irtscots, after_launches):
     before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
     after_launches(2, lambda: os.kill(os.getpid(), signal.SIGTERM))
-    assert irtscots("run", "./mine.toml", *RUN, "--out", "cut")[0] == 4
+    outcome = irtscots("run", "./mine.toml", *RUN, "--out", "cut")
+    refused(outcome, f": {shlex.join(['irtscots', 'run', './mine.toml', *RUN, '--out', 'cut'])} --resume\n", code=4)
     assert (signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)) == before
 
 

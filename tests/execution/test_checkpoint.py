@@ -241,6 +241,8 @@ def test_a_trace_that_is_through_is_not_ended_by_its_limit_of_time(tmp_path):
         ({}, {"overfill": 1.5, "estimator": "forward"}, "estimator = forward, here adjoint; overfill = 1.5, here 1.0"),
         ({}, {"scene": "ef" * 16}, "of another run: other scene; must"),
         ({"code": "other"}, {}, "of another run: other code; must"),
+        ({"code": "other"}, {"seed": 2}, "of another run: seed = 2, here 1; must be the same"),
+        ({"code": "other", "inputs": "x"}, {}, "of another run: other code; must"),
         ({"inputs": "x"}, {}, "of another run: other inputs; must"),
         ({"inputs": "x"}, {"scene": "ef" * 16}, "of another run: other scene; must"),
         ({}, {"more": 3}, "of another run: more = 3, here none; must"),
