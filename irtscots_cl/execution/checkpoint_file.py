@@ -85,7 +85,7 @@ def damaged(path: Path) -> ValueError:
 
 
 def differences(kept: dict[str, Any], here: Fingerprint) -> str:
-    """In words where two runs differ, "" where they do not; what follows from the rest is named only without a cause."""
+    """In words where two runs differ, "" where they do not; what follows from the rest is named only when alone."""
     names = [name for name in {**here, **kept} if kept.get(name) != here.get(name)]
     for follows in ("inputs", "code"):  # the kernel's text has numbers of the options in it
         if len(names) > 1 and follows in names:

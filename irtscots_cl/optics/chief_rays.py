@@ -28,7 +28,7 @@ from irtscots_cl.system.memory import check_memory
 BYTES_PER_PIXEL = 550  # peak memory while the maps are made; measured
 SUBPIXELS = 16  # per axis, in pixels that the mirror's edge crosses: footprint areas are accurate to about 0.5 %
 RAYS_OF_PART = 2**14  # traced at once: their dozens of arrays take little memory and stay near the processor
-MANY_RAYS = 2**16  # from which several threads trace parts
+MANY_RAYS = 2**18  # from which several threads trace parts
 WORKERS = min(4, os.cpu_count() or 1)
 SAMPLED = 32  # rows and columns of pixels that tell how much room near the mirror is enough
 ROOM = 2.0  # times the blur of those
