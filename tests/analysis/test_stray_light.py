@@ -93,7 +93,11 @@ def scattered_flux_w(scene):
 
 @pytest.mark.parametrize(
     "name, rays, error",
-    [("harvey", 2**10, 0.03), *(pytest.param(name, 2**13, 0.01, marks=pytest.mark.slow) for name in SCATTER)],
+    [
+        ("harvey", 2**10, 0.03),
+        pytest.param("abg", 2**10, 0.03, marks=pytest.mark.slow),
+        *(pytest.param(name, 2**13, 0.01, marks=pytest.mark.long) for name in SCATTER),
+    ],
 )
 def test_scattered_flux_is_that_of_a_quadrature(device, name, rays, error):
     """The specular light falls by the total scatter: of the same rays, so but for rounding."""

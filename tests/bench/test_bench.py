@@ -25,14 +25,29 @@ from irtscots_cl.tracing.samplers import SAMPLERS
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture
-def short(monkeypatch):
+@pytest.fixture(scope="module")
+def short():
     """Rounds and times as small as they can be."""
-    monkeypatch.setattr(throughput, "SECONDS", {True: 0.002, False: 0.002})
-    monkeypatch.setattr(throughput, "ROUNDS", {True: 2, False: 2})
-    monkeypatch.setattr(throughput, "WARM_UP_RAYS", 2**16)
-    points = tuple(scaling.Point(441 * n, load_scene("sphere"), n) for n in (16, 64))
-    monkeypatch.setattr(scaling, "default_sweeps", lambda *_: [scaling.Sweep("rays", "rays", "tiny", points)])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(throughput, "SECONDS", {True: 0.002, False: 0.002})
+        patch.setattr(throughput, "ROUNDS", {True: 2, False: 2})
+        patch.setattr(throughput, "WARM_UP_RAYS", 2**16)
+        points = tuple(scaling.Point(441 * n, load_scene("sphere"), n) for n in (16, 64))
+        patch.setattr(scaling, "default_sweeps", lambda *_: [scaling.Sweep("rays", "rays", "tiny", points)])
+        yield
+
+
+@pytest.fixture(scope="module")
+def results(device, short):
+    """Of the quick benchmark: every case."""
+    return suite.run_bench(device, quick=True)
+
+
+@pytest.fixture
+def few_cases(monkeypatch):
+    """The first cases alone."""
+    every = throughput.default_cases
+    monkeypatch.setattr(throughput, "default_cases", lambda device, quick: every(device, quick)[:3])
 
 
 def test_every_feature_is_a_scene_of_its_own(device):
@@ -68,8 +83,7 @@ def test_a_case_is_traced_at_its_width(device, short):
 
 
 @pytest.mark.slow
-def test_results_hold_every_case_and_what_they_were_taken_on(device, short):
-    results = suite.run_bench(device, quick=True)
+def test_results_hold_every_case_and_what_they_were_taken_on(device, results):
     cases = throughput.default_cases(device, quick=True)
     assert [row["name"] for row in results["cases"]] == [case.name for case in cases]
     for row in results["cases"]:
@@ -84,9 +98,9 @@ def test_results_hold_every_case_and_what_they_were_taken_on(device, short):
     assert json.loads(json.dumps(plain(results))) == plain(results)
 
 
-def test_tables_and_figure_show_every_case(device, short, tmp_path):
-    results = suite.run_bench(device, quick=True)
-    del results["scaling"]  # tests/test_bench_scaling.py looks at it
+@pytest.mark.slow
+def test_tables_and_figure_show_every_case(results, tmp_path):
+    results = {name: value for name, value in results.items() if name != "scaling"}  # test_bench_scaling.py has it
     shown = tables.bench_tables(results)
     assert [row[0] for table in shown for row in table.rows] == [row["name"] for row in results["cases"]]
     assert all(len(row) == len(table.head) for table in shown for row in table.rows)
@@ -133,7 +147,7 @@ def test_bad_options_are_refused_in_one_line(arguments, code, said, capsys, tmp_
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_writes_what_it_prints(device, short, capsys, tmp_path, monkeypatch):
+def test_the_command_writes_what_it_prints(device, short, few_cases, capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("IRTSCOTS_DEVICE", device.index)
     assert cli.main(["bench", "--quick", "--json", "--out", str(tmp_path / "out")]) == 0
     printed = json.loads(capsys.readouterr().out)

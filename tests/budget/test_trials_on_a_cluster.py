@@ -84,7 +84,7 @@ def test_an_error_of_a_task_says_which_worker_and_the_others_are_cancelled(two):
     wait_until(lambda: not any(two.processing().values()))
 
 
-@pytest.mark.slow
+@pytest.mark.long  # of traces on a cluster: tests/execution/test_cluster.py
 def test_a_killed_worker_s_blocks_are_done_by_the_other(fresh):
     local, client = fresh
     victim, trials = local.workers[0].pid, small_trials(MANY, pixels=21)
@@ -153,7 +153,7 @@ def test_a_budget_from_the_shell(two, tmp_path, capsys):
     assert told[0] == told[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long  # of traces on a cluster: tests/execution/test_cluster.py
 def test_a_signal_ends_a_budget_on_a_cluster(tmp_path):
     scene = scene_file(tmp_path, 2**17)
     with shell_cluster(tmp_path) as (address, worker):
