@@ -37,6 +37,7 @@ from irtscots_cl.cli import (
     stability,
     transfer,
     view,
+    watch,
 )
 from irtscots_cl.cli import map as height_map
 from irtscots_cl.cli.common import (
@@ -52,7 +53,7 @@ from irtscots_cl.scene.validation import SceneError
 from irtscots_cl.system import interruption
 
 GROUPS = {
-    "simulate": (run, paths, scenes),
+    "simulate": (run, watch, paths, scenes),
     "plan": (init, check, design_patterns, patterns, identify, budget, transfer),
     "measure": (reconstruct, calibrate, height_map, convert, view),
     "this machine": (doctor, devices, bench, stability, kernel),

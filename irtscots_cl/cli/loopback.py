@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 
 from irtscots_cl.system import interruption
@@ -10,8 +11,8 @@ ADDRESS = "127.0.0.1"
 LOOK_SECONDS = 0.3  # between two looks for a signal
 
 
-def page_server(page: bytes, port: int) -> HTTPServer:
-    """A server of one page at /, and of nothing else. port: 0 for any free one.
+def page_server(page: Callable[[], bytes], port: int) -> HTTPServer:
+    """A server of one page at /, made for each request, and of nothing else. port: 0 for any free one.
 
     It answers only where it is addressed as this machine: a page of another site, whose name was made to mean this
     machine, gets nothing. Raises ValueError for a port that cannot be had.
@@ -21,14 +22,14 @@ def page_server(page: bytes, port: int) -> HTTPServer:
         def do_GET(self) -> None:
             host = (self.headers.get("Host") or "").rpartition(":")[0]
             found = self.path == "/" and host in (ADDRESS, "localhost")
+            text = page() if found else b""
             self.send_response(200 if found else 404)
             self.send_header("Content-Type", "text/html; charset=utf-8")
-            self.send_header("Content-Length", str(len(page) if found else 0))
+            self.send_header("Content-Length", str(len(text)))
             # the page's own styles and scripts, and nothing from elsewhere
             self.send_header("Content-Security-Policy", "default-src 'unsafe-inline' data:")
             self.end_headers()
-            if found:
-                self.wfile.write(page)
+            self.wfile.write(text)
 
         def log_message(self, *_) -> None:
             """Nothing on stderr for each request."""

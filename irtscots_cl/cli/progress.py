@@ -7,6 +7,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from irtscots_cl.cli.job_file import JobFile
 
 LINE_SECONDS = 10.0  # between two lines
 STAGE_SECONDS = 2.0  # of work that cannot say how far it is, before a line tells of it
@@ -20,7 +24,8 @@ def add_quiet(parser: argparse.ArgumentParser) -> None:
 
 class Progress:
     """Call it with (done, total); `with` draws it. unit: of both. estimate(result): text with the estimated error of a
-    trace so far. It is called rarely, when `finished` gets the trace of whole replicates."""
+    trace so far. It is called rarely, when `finished` gets the trace of whole replicates. job: is told the same, also
+    with quiet."""
 
     def __init__(
         self,
@@ -28,9 +33,10 @@ class Progress:
         quiet: bool = False,
         unit: str = "rays",
         estimate: Callable[[object], str] | None = None,
+        job: JobFile | None = None,
     ):
         self._doing, self._quiet, self._unit, self._estimate = doing, quiet, unit, estimate
-        self._known, self._bar = "", None
+        self._known, self._bar, self._job = "", None, job
         self._timer: threading.Timer | None = None
         self._began = self._told = self._estimated = time.monotonic()
         self._next_estimate = FIRST_ESTIMATE_SECONDS
@@ -57,11 +63,16 @@ class Progress:
             self._bar.stop()
 
     def __call__(self, done: int, total: int) -> None:
-        if self._quiet:
+        if self._quiet and self._job is None:
             return
         now = time.monotonic()
         if total != self._total or done < self._first:  # another trace
             self._began, self._first, self._total = now, done, total
+        if self._job is not None:
+            self._job.tell(self._doing, done=done, total=total, unit=self._unit, so_far=self._known,
+                           per_second=self._per_second(done, now))  # fmt: skip
+        if self._quiet:
+            return
         if self._bar is not None:
             self._bar.update(self._task, completed=done, total=total, facts=self._facts(done, total, now))
         elif now - self._told >= LINE_SECONDS:
@@ -70,6 +81,8 @@ class Progress:
 
     def stage(self, doing: str) -> None:
         """Tell of other work, until the next call or the end, that cannot say how far it is."""
+        if self._job is not None:
+            self._job.tell(doing, so_far=self._known)
         if self._quiet:
             return
         self._end_stage()
@@ -87,18 +100,28 @@ class Progress:
     def finished(self, result: object) -> None:
         """Take the trace so far, of whole replicates; pass it as trace(finished=...)."""
         now = time.monotonic()
-        if self._quiet or self._estimate is None or now - self._estimated < self._next_estimate:
+        unseen = self._quiet and self._job is None
+        if unseen or self._estimate is None or now - self._estimated < self._next_estimate:
             return
         self._known = self._estimate(result)
         self._estimated = time.monotonic()
         self._next_estimate = max(LINE_SECONDS, COST_SHARE * (self._estimated - now))
 
     def _facts(self, done: int, total: int, now: float) -> str:
-        facts = [f"{_short(done)} of {_short(total)} {self._unit}"]
-        if done > self._first and now > self._began:
-            speed = (done - self._first) / (now - self._began)
-            facts += [f"{_short(speed)} {self._unit}/s", f"{_clock((total - done) / speed)} left"]
-        return ", ".join([*facts, *[self._known] * bool(self._known)])
+        text = facts_text(done, total, self._unit, self._per_second(done, now))
+        return f"{text}, {self._known}" if self._known else text
+
+    def _per_second(self, done: int, now: float) -> float | None:
+        """None before any was done here."""
+        return (done - self._first) / (now - self._began) if done > self._first and now > self._began else None
+
+
+def facts_text(done: float, total: float, unit: str, per_second: float | None) -> str:
+    """How far, how fast and how long still."""
+    text = f"{_short(done)} of {_short(total)} {unit}"
+    if not per_second:
+        return text
+    return f"{text}, {_short(per_second)} {unit}/s, {_clock((total - done) / per_second)} left"
 
 
 def _short(number: float) -> str:

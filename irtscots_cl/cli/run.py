@@ -34,6 +34,7 @@ from irtscots_cl.cli.common import (
     warn_of_scene,
 )
 from irtscots_cl.cli.exporting import add_export, export, export_targets, print_exported
+from irtscots_cl.cli.job_file import FILE, MAP_FILE, JobFile, told_in
 from irtscots_cl.cli.keeping import add_resume, keeping
 from irtscots_cl.cli.progress import Progress, add_quiet
 from irtscots_cl.cli.terminal import next_step, results_page
@@ -118,19 +119,22 @@ def _execute(options: argparse.Namespace) -> int:
     if scene.has_noise_tables:
         given = {"measure": LAB_MEASURE} | given
     folder = options.out if options.out is not None else Path("irtscots-out") / scene.name
-    check_output_folder(folder, ("result.h5", "report.json", "report.html", ".lock"), ("figures",))
+    check_output_folder(folder, ("result.h5", "report.json", "report.html", ".lock", FILE, MAP_FILE), ("figures",))
     from irtscots_cl.pipeline.output import write_run
     from irtscots_cl.system.process_time import seconds_of_process
 
     warn_of_scene(scene)
     seconds = math.inf if options.max_seconds is None else options.max_seconds
-    with keeping(folder, "checkpoint", options.resume, max_seconds=seconds) as keeper:
+    with (
+        keeping(folder, "checkpoint", options.resume, max_seconds=seconds) as keeper,
+        told_in(folder, options.arguments) as job,
+    ):
         if options.target_nm is None:
-            run = _simulate(setup, options, given, keeper)
+            run = _simulate(setup, options, given, keeper, job)
         else:
-            run = _reach(setup, options, given)
+            run = _reach(setup, options, given, job)
         started = seconds_of_process() - (time.perf_counter() - run.began)
-        with Progress("storing", options.quiet, "light curves") as progress:
+        with Progress("storing", options.quiet, "light curves", job=job) as progress:
             write_run(run, folder, started, progress, draw=options.figures)
         keeper.remove()
     exported = export(folder, targets)
@@ -205,7 +209,7 @@ def _check_scene(scene, options: argparse.Namespace, given: dict) -> None:
         raise ValueError(f"--parts: must be left out: scene {scene.name} is more than a mirror and a paraxial camera")
 
 
-def _simulate(setup, options: argparse.Namespace, given: dict, keeper):
+def _simulate(setup, options: argparse.Namespace, given: dict, keeper, job: JobFile):
     """Run the simulation with the given options."""
     from irtscots_cl.pipeline.simulate import outlook, simulate
     from irtscots_cl.tracing.checks.precision import RoundingWarning, check_precision_of_scene, check_precision_on
@@ -227,20 +231,29 @@ def _simulate(setup, options: argparse.Namespace, given: dict, keeper):
             check_precision_of_scene(setup, device, wanted["precision"], options.scene, *noise)
         if "client" in where:
             where["client"].call(check_precision_on, setup.scene.to_toml(), wanted["precision"], options.scene, *noise)
-        words = partial(outlook, measure=wanted["measure"], nominal=setup.nominal)
-        with Progress(quiet=options.quiet, estimate=words) as progress, warnings.catch_warnings():
+        so_far = partial(outlook, measure=wanted["measure"], nominal=setup.nominal)
+
+        def tell(traced) -> str:
+            words, result = so_far(traced)
+            if result is not None:
+                from irtscots_cl.report.page.job import map_so_far
+
+                job.show(map_so_far(result))
+            return words
+
+        with Progress(quiet=options.quiet, estimate=tell, job=job) as progress, warnings.catch_warnings():
             warnings.simplefilter("ignore", RoundingWarning)  # the report tells of it, beside the other errors
             return simulate(setup, progress=progress, stage=progress.stage, finished=progress.finished,
                             seed=options.seed, parts=options.parts, zernike=options.zernike, keeper=keeper,
                             **where, **wanted)  # fmt: skip
 
 
-def _reach(setup, options: argparse.Namespace, given: dict):
+def _reach(setup, options: argparse.Namespace, given: dict, job: JobFile):
     """Run until the target is reached."""
     from irtscots_cl.opencl.device import select_device
     from irtscots_cl.pipeline.target import run_to_target
 
     device = select_device(options.device)
-    with Progress(quiet=options.quiet) as progress:
+    with Progress(quiet=options.quiet, job=job) as progress:
         return run_to_target(setup, options.target_nm, device=device, seed=options.seed, parts=options.parts,
                      zernike=options.zernike, progress=progress, **given)  # fmt: skip

@@ -35,7 +35,7 @@ def _execute(options: argparse.Namespace) -> int:
         write_text(options.out, page)
         print_json({"file": str(options.out)}) if options.json else print(f"written to {options.out}")
         return 0
-    server = page_server(page.encode(), options.port)
+    server = page_server(page.encode, options.port)
     address = f"http://{ADDRESS}:{server.server_port}/"
     print_json({"address": address}) if options.json else print(f"{address} shows the runs; Ctrl-C ends it")
     sys.stdout.flush()

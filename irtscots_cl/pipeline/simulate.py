@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -135,20 +135,28 @@ def _clean_images(transport: Transport | LineLight) -> tuple[ImageStack, dict]:
     return transport.images(LineScan(transport.scene)), {}
 
 
-def outlook(traced: Transport | LineLight | PathLight, measure: str, nominal: Setup | None = None) -> str:
-    """The error so far, in words, from a trace of some replicates; "" if they do not give it yet.
+class Outlook(NamedTuple):
+    """What a trace of some replicates gives so far. words: the error, "" if it is not known yet. result: None if there
+    is too little light yet."""
+
+    words: str
+    result: Reconstruction | None = None
+
+
+def outlook(traced: Transport | LineLight | PathLight, measure: str, nominal: Setup | None = None) -> Outlook:
+    """The error so far, and the result so far, from a trace of some replicates.
 
     nominal: the set-up of the design, if the caller has it.
     """
     flux_w = traced.line_flux_w("x").sum((1, 2))
     if len(flux_w) < 2 or not flux_w.all():
-        return ""
+        return Outlook("")
     words = f"standard error of the flux {flux_w.std(ddof=1) / len(flux_w) ** 0.5 / flux_w.mean():.1g}"
     stack = traced.images(LineScan(traced.scene))
     try:
         # refinement takes long, and leaves ray noise as it is
         result = measure_by("fine" if measure == "refined" else measure, stack, nominal or traced.scene.nominal())
     except ValueError:  # too little light yet
-        return words
+        return Outlook(words)
     height_nm = predict_error(result, stack, systematic=False).height_mm * 1e6
-    return f"{words}, height error {height_nm:.2g} nm" if np.isfinite(height_nm) else words
+    return Outlook(f"{words}, height error {height_nm:.2g} nm" if np.isfinite(height_nm) else words, result)

@@ -373,9 +373,10 @@ def test_a_terminal_gets_a_bar(monkeypatch, capsys):
 
 def test_outlook_of_a_trace(device):
     run = trace(small_scene("sphere-deviated", 41), device=device, rays_per_pixel=512, replicates=4)
-    words = outlook(run, "refined")
+    words, result = outlook(run, "refined")
+    assert result.mask.sum() > 100
     share, height = (float(part.split()[-1 - part.endswith("nm")]) for part in words.split(", "))
     flux_w = np.array([run.flux_w(k).sum() for k in range(4)])
     assert share == pytest.approx(flux_w.std(ddof=1) / 2 / flux_w.mean(), rel=0.5)  # one digit is told
     assert 1 < height < 1000
-    assert outlook(trace(run.scene, device=device, rays_per_pixel=8, replicates=1), "paper") == ""
+    assert outlook(trace(run.scene, device=device, rays_per_pixel=8, replicates=1), "paper") == ("", None)

@@ -30,7 +30,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def server():
-    server = page_server(b"<p>it</p>", 0)
+    server = page_server(lambda: b"<p>it</p>", 0)
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
     thread.start()
     yield server

@@ -26,7 +26,7 @@ PATH = re.compile(r"\b(?:irtscots_cl|kernels|tests|tools|examples|docs)/[\w./*-]
 TEST = re.compile(r"`(test_\w+)`")
 BLOCK = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`(irtscots [^`]+)`")
-MENTION = re.compile(r"arguments are required|expected one argument|value: '[A-Z]'|choice: '(?:K|COMMAND)'")
+MENTION = re.compile(r"arguments are required|expected one argument|= '[A-Z]': must be a |choice: '(?:K|COMMAND)'")
 PARSER = cli._parser()
 GENERATED = re.compile(r"<!-- begin: made by (\S+) -->.*?<!-- end -->", re.DOTALL)
 
