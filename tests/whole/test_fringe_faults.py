@@ -115,7 +115,7 @@ def test_good_frames_raise_no_alarm(run, scene, measured):
     assert alarms(run, scene, measured, range(2)) == {}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_false_alarms_are_rare(run, scene, measured):
     found = alarms(run, scene, measured, range(SEEDS))
     assert len(found) <= MOST_ALARMS, found
