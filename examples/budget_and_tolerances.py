@@ -5,12 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import irtscots_cl as irt
-from irtscots_cl.budget.assess import assess
 
 quick = "--quick" in sys.argv
 scene = irt.load_scene(Path(__file__).with_name("budget-406.toml"))
 budget = replace(scene.budget, trials=32 if quick else 512, allow_nm=20.0)
-found = assess(scene, budget)
+found = irt.assess_budget(scene, budget)
 
 print("rms height error [nm], piston and tilt removed")
 for name, nm in sorted(found.linear.nm.items(), key=lambda item: -item[1][0])[:5]:

@@ -65,6 +65,7 @@ _PUBLIC = {
     "Screen": "scene.instrument",
     "Transport": "tracing.results.transport",
     "all_devices": "opencl.device",
+    "assess_budget": "budget.assess",
     "calibrate": "calibration.calibrate",
     "check_images": "measurement.quality",
     "check_scene": "planning.check",
@@ -107,6 +108,7 @@ if TYPE_CHECKING:
     from irtscots_cl.analysis.comparison import compare as compare
     from irtscots_cl.analysis.error_terms import error_terms as error_terms
     from irtscots_cl.analysis.stray_light import stray_light as stray_light
+    from irtscots_cl.budget.assess import assess_budget as assess_budget
     from irtscots_cl.calibration.calibrate import Unknowns as Unknowns
     from irtscots_cl.calibration.calibrate import calibrate as calibrate
     from irtscots_cl.calibration.identification import identify as identify

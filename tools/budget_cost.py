@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from irtscots_cl.budget.assess import assess
+from irtscots_cl.budget.assess import assess_budget
 from irtscots_cl.budget.ledger import ledger
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.monte_carlo import monte_carlo
@@ -92,7 +92,7 @@ def main() -> None:
     if options.tests:
         compare(trials, options.tests, of_trials)
     clocked("a ledger", lambda: ledger(trials, 0))
-    clocked("all of `irtscots budget`, from the start", lambda: assess(scene, budget))
+    clocked("all of `irtscots budget`, from the start", lambda: assess_budget(scene, budget))
 
 
 if __name__ == "__main__":

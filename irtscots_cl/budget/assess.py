@@ -63,7 +63,7 @@ class ErrorBudget:
         }
 
 
-def assess(
+def assess_budget(
     scene: Scene | Setup,
     budget: Budget | None = None,
     trial: int = 0,

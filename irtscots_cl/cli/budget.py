@@ -100,7 +100,7 @@ def _execute(options: argparse.Namespace) -> int:
         return _judge(options, scene)
     from dataclasses import replace
 
-    from irtscots_cl.budget.assess import assess
+    from irtscots_cl.budget.assess import assess_budget
     from irtscots_cl.report.budget import budget_facts, budget_tables, simulated_table, stray_warnings
     from irtscots_cl.scene.error_sources import Budget
     from irtscots_cl.system.atomic_files import check_output_folder, made_folder, plain
@@ -123,7 +123,7 @@ def _execute(options: argparse.Namespace) -> int:
             raise ValueError(f"--allow-nm = {options.allow_nm}: must be a number above 0 and at most 1e9")
         budget = replace(budget, allow_nm=options.allow_nm)
     with workers_argument(options.dask) as where, Progress("trials", options.quiet, "trials") as progress:
-        found = assess(scene, budget, options.trial or 0, lambda count: progress(count, budget.trials), **where)
+        found = assess_budget(scene, budget, options.trial or 0, lambda count: progress(count, budget.trials), **where)
     for text in stray_warnings(found.ray_noise):
         warn(text)
     facts = budget_facts(found)

@@ -201,7 +201,7 @@ def site_arguments(options: argparse.Namespace) -> Iterator[dict[str, object]]:
 
 @contextmanager
 def workers_argument(address: str | None) -> Iterator[dict[str, object]]:
-    """The argument workers= of `assess`, from --dask; without it none."""
+    """The argument workers= of `assess_budget`, from --dask; without it none."""
     if address is None:
         yield {}
         return

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from small_budget import small_scene, small_trials
 
-from irtscots_cl.budget.assess import assess
+from irtscots_cl.budget.assess import assess_budget
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.monte_carlo import monte_carlo
 from irtscots_cl.budget.source import Draw
@@ -99,6 +99,6 @@ def test_the_ledger_of_a_failed_trial_says_why():
     budget = Budget(sources={"screen.x_mm": {"uniform": 4.0}}, trials=8)
     trials = Trials.of(MeasuredDesign.of_budget(Setup(scene), budget), budget)
     worst = int(np.argmax(np.abs(trials.values["screen.x_mm"])))
-    found = assess(scene, budget, worst)
+    found = assess_budget(scene, budget, worst)
     assert found.ledger is None and "pixels still see" in found.no_ledger
     assert worst in found.monte_carlo.failed

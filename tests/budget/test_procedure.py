@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from small_budget import small_scene
 
-from irtscots_cl.budget.assess import assess, own_sensitivities
+from irtscots_cl.budget.assess import assess_budget, own_sensitivities
 from irtscots_cl.budget.averaging import left_by_turns
 from irtscots_cl.budget.ledger import ledger
 from irtscots_cl.budget.linear import linear_budget
@@ -132,5 +132,5 @@ def test_refusals(design):
         Budget(compensators=("screen.z_mm", "screen.z_mm"))
     scene = small_scene(31, "off-axis")
     with pytest.raises(SceneError, match="budget.mirror_turns = 3: must be 1 with mirror.off_axis_mm") as error:
-        assess(replace(scene, budget=Budget(sources={"screen.x_mm": 0.1}, mirror_turns=3)))
+        assess_budget(replace(scene, budget=Budget(sources={"screen.x_mm": 0.1}, mirror_turns=3)))
     assert "\n" not in str(error.value)

@@ -10,7 +10,7 @@ from loaded_modules import loaded_modules
 from small_budget import small_scene
 from stray_files import made_maps, write_made
 
-from irtscots_cl.budget.assess import assess
+from irtscots_cl.budget.assess import assess_budget
 from irtscots_cl.budget.measured_design import MeasuredDesign
 from irtscots_cl.budget.procedure import Procedure
 from irtscots_cl.budget.source import Draw
@@ -93,7 +93,7 @@ def test_one_replicate_has_no_noise(scene, designed):
 def test_it_is_the_same_in_all_trials(scene, designed):
     budget = Budget(sources={"stray.ghosts": 1.0, "stray.scatter": 2.0}, trials=4, exposures=5)
     _, budget = designed(budget, ghost=made_maps(scene), scatter=made_maps(scene, seed=2))
-    found = assess(scene, budget)
+    found = assess_budget(scene, budget)
     rms = found.monte_carlo.rms_nm[:, 0]
     assert rms == pytest.approx(np.full(4, rms[0]), rel=1e-12)
     alone = [found.linear.nm[name][0] for name in ("stray.ghosts", "stray.scatter")]
@@ -103,7 +103,7 @@ def test_it_is_the_same_in_all_trials(scene, designed):
 
 def test_sources_are_listed_where_there_is_a_file(scene, designed):
     design, budget = designed(ghost=made_maps(scene))
-    known = assess(scene, budget)
+    known = assess_budget(scene, budget)
     assert "stray.ghosts" in known.sensitivities and "stray.scatter" not in known.sensitivities
     assert [one.name for one in known.ray_noise] == ["stray.ghosts"] and known.linear is None
     assert not known_sources(scene).keys() & SOURCES.keys()

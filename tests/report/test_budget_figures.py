@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_budget import calibration_report, small_scene
 
-from irtscots_cl.budget.assess import assess
+from irtscots_cl.budget.assess import assess_budget
 from irtscots_cl.report.budget_figures import cumulative_figure, map_figure
 from irtscots_cl.scene.error_sources import Budget
 
@@ -16,7 +16,7 @@ def found(tmp_path_factory):
     """With a constant, a process, and two sources that act alike and are perfectly anticorrelated."""
     sources = {"camera.diffraction_nm": 3000.0, "noise.place_mm": 5e-3, "screen.y_mm": 0.05}
     report = calibration_report(tmp_path_factory.mktemp("report"), -1.0, names=("camera.z_mm", "screen.z_mm"))
-    return assess(small_scene(31), Budget(sources=sources, calibrated=report, trials=4))
+    return assess_budget(small_scene(31), Budget(sources=sources, calibrated=report, trials=4))
 
 
 def test_titles_of_maps_are_of_their_maps(found):
@@ -37,6 +37,6 @@ def test_the_cumulative_sum_says_where_it_is_not_the_total(found):
     axes = cumulative_figure(found.linear).axes[0]
     assert axes.lines[0].get_ydata()[-1] > 1.5 * found.linear.total_nm[0]
     assert f"{found.linear.total_nm[0]:.3g} nm with what is correlated" in axes.get_title()
-    alone = assess(small_scene(31), Budget(sources={"screen.x_mm": 0.1, "screen.y_mm": 0.1}, trials=4))
+    alone = assess_budget(small_scene(31), Budget(sources={"screen.x_mm": 0.1, "screen.y_mm": 0.1}, trials=4))
     title = cumulative_figure(alone.linear).axes[0].get_title()
     assert title == "Root of the sum of squares of all sources up to this one"

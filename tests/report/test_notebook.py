@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import irtscots_cl as irt
-from irtscots_cl.budget.assess import assess
+from irtscots_cl.budget.assess import assess_budget
 from irtscots_cl.report.plot import MAPS
 from irtscots_cl.report.viewer import MODULE
 from irtscots_cl.system.shown import html_table
@@ -46,7 +46,7 @@ def budget(scene):
     from irtscots_cl.scene.error_sources import Budget
 
     sources = {"camera.z_mm": 0.05, "screen.x_mm": 0.1}
-    return assess(scene, Budget(trials=4, sources=sources))
+    return assess_budget(scene, Budget(trials=4, sources=sources))
 
 
 def axes():
@@ -121,7 +121,7 @@ def test_what_cannot_be_drawn_is_refused(scene, stack, result):
     with pytest.raises(ValueError, match="^line = 21: must be 0 to 20$"):
         irt.plot(stack, axes(), line=21)
     with pytest.raises(ValueError, match="^the budget has no sources"):
-        irt.plot(assess(scene), axes())
+        irt.plot(assess_budget(scene), axes())
     with pytest.raises(TypeError, match="^str: must be a scene"):
         irt.plot("scene", axes())
 

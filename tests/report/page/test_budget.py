@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from irtscots_cl.budget.assess import assess
+from irtscots_cl.budget.assess import assess_budget
 from irtscots_cl.report.page.budget import budget_page, costs_of
 from irtscots_cl.report.page.tornado import COLOURS, Cost, tornado_chart, tornado_table
 from irtscots_cl.scene.error_sources import Budget
@@ -16,7 +16,7 @@ from tests.support.small_budget import SOURCES, small_scene
 @pytest.fixture(scope="module")
 def found():
     sources = {**SOURCES, "camera.diffraction_nm": 600.0, "screen.brightness_random": 0.02}
-    return assess(small_scene(31), Budget(sources=sources, trials=8), trial=3)
+    return assess_budget(small_scene(31), Budget(sources=sources, trials=8), trial=3)
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def test_maps_of_sources_and_of_the_ledger_are_in_the_page(page, found):
 
 def test_the_pixel_is_that_of_the_detector(opened, tmp_path):
     """Of a detector of 205 pixels every third row and column is looked at, from the second."""
-    found = assess(small_scene(205), Budget(sources={"camera.x_mm": 0.1}, trials=2))
+    found = assess_budget(small_scene(205), Budget(sources={"camera.x_mm": 0.1}, trials=2))
     seen = found.trials.design.seen
     assert seen.step > 1
     (tmp_path / "report.html").write_text(budget_page(found), encoding="utf-8")
@@ -96,7 +96,7 @@ def test_the_pixel_is_that_of_the_detector(opened, tmp_path):
 
 
 def test_without_sources_the_usual_values_are_shown(opened, tmp_path):
-    found = assess(small_scene(31), Budget())
+    found = assess_budget(small_scene(31), Budget())
     (tmp_path / "report.html").write_text(budget_page(found), encoding="utf-8")
     with opened(tmp_path / "report.html") as page:
         assert "at usual values the largest would be" in page.locator(".summary").inner_text()
