@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from irtscots_cl.system import interruption
+
 FILE, MAP_FILE = "progress.json", "progress-map.json"
 SECONDS = 2.0  # between two writes
 SILENT_SECONDS = 120.0  # after which a process of another machine is taken for dead
@@ -39,8 +41,8 @@ class JobFile:
         so_far: the error in words; later work keeps it.
         """
         now, self._so_far = time.monotonic(), so_far or self._so_far
-        if doing == self._doing and now - self._told < SECONDS:
-            return
+        if interruption.requested() or (doing == self._doing and now - self._told < SECONDS):
+            return  # after a signal no file is begun
         self._doing, self._told = doing, now
         from irtscots_cl.system.atomic_files import write_json
 
@@ -49,6 +51,8 @@ class JobFile:
 
     def show(self, grid: dict[str, Any]) -> None:
         """Write the maps so far, as report.page.layers.grid_data has them."""
+        if interruption.requested():
+            return
         from irtscots_cl.system.atomic_files import write_json
 
         write_json(self._folder / MAP_FILE, grid)
