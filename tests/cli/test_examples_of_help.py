@@ -56,10 +56,9 @@ def test_quick_examples_run(name, irtscots, there):
 
 CHEAPER = {
     "run": ("--no-figures",),
-    "paths": ("--rays-per-pixel", "64"),
+    "paths": ("--rays-per-pixel", "1024"),
     "view": ("--out", "page.html"),
     "check": ("--quick", "--no-figures"),
-    "budget": ("--trials", "8"),
 }
 
 
