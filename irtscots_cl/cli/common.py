@@ -88,13 +88,9 @@ def add_no_figures(parser: argparse.ArgumentParser) -> None:
 
 def figures(options: argparse.Namespace, folder: Path, names: Iterable[str], draw: Callable[[Path], object]) -> None:
     """Draw into the folder, which is made; with --no-figures delete an earlier command's figures of these names."""
-    if options.figures:
-        folder.mkdir(parents=True, exist_ok=True)
-        draw(folder)
-        return
-    from irtscots_cl.system.atomic_files import delete_files
+    from irtscots_cl.system.atomic_files import draw_or_delete
 
-    delete_files(folder, names)
+    draw_or_delete(folder, names, options.figures, draw)
 
 
 def add_usable_samples(parser: argparse.ArgumentParser, choices: bool = False) -> None:

@@ -61,12 +61,11 @@ class JobFile:
 @contextmanager
 def told_in(folder: Path, arguments: Sequence[str]) -> Iterator[JobFile]:
     """The JobFile of a command, whose files go when it ends, however it ends."""
-    from irtscots_cl.system.atomic_files import delete_files
-
     try:
         yield JobFile(folder, arguments)
     finally:
-        delete_files(folder, (FILE, MAP_FILE))
+        for name in (FILE, MAP_FILE):
+            (folder / name).unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)

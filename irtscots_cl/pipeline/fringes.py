@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,12 @@ from irtscots_cl.measurement.harmonic_bias import HarmonicBias
 from irtscots_cl.measurement.photon_transfer import PhotonTransfer
 from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.measurement.screen_coordinates import AxisCoordinates, ScreenCoordinates
-from irtscots_cl.pipeline.output import FIGURES, open_output_folder, version_attributes
+from irtscots_cl.pipeline.output import draw_figures, open_output_folder, version_attributes
 from irtscots_cl.pipeline.picture import MirrorPicture, add_facts
 from irtscots_cl.report.fringe_file import FringeMaps, write_fringe_result
 from irtscots_cl.report.fringe_types import FringeFacts, HarmonicFacts, PhotonTransferFacts
 from irtscots_cl.report.types import MeasuredFacts
-from irtscots_cl.system.atomic_files import delete_files, write_json, write_text
+from irtscots_cl.system.atomic_files import write_json, write_text
 
 FRINGES = "fringes"  # the name of the measure
 
@@ -137,15 +138,13 @@ def write_fringes(
     }
     with open_output_folder(folder):
         write_fringe_result(folder / "result.h5", maps, result, common | attributes | version_attributes(), bars)
-        figures = _figures(folder / "figures", result, maps) if draw else []
-        if not draw:
-            delete_files(folder / "figures", FIGURES)
+        figures = draw_figures(folder, draw, partial(_draw, result, maps)) or []
         write_text(folder / "scene.toml", result.nominal.to_toml())
         write_measured_page(folder / "report.html", facts, result, bars, pictures=figures)
         write_json(folder / "report.json", dict(facts))
 
 
-def _figures(folder: Path, result: Reconstruction, maps: FringeMaps) -> list[Path]:
+def _draw(result: Reconstruction, maps: FringeMaps, folder: Path) -> list[Path]:
     from irtscots_cl.report.fringe_figures import write_fringe_figures  # Matplotlib: only where figures are made
 
     return [folder / name for name in write_fringe_figures(folder, result, maps)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -26,7 +27,7 @@ from irtscots_cl.measurement.saturation import find_ceiling
 from irtscots_cl.measurement.scan_estimates import estimate_centroids
 from irtscots_cl.measurement.screen_places import PLACES
 from irtscots_cl.optics.setup import Setup
-from irtscots_cl.pipeline.output import FIGURES, open_output_folder, version_attributes
+from irtscots_cl.pipeline.output import draw_figures, open_output_folder, version_attributes
 from irtscots_cl.pipeline.picture import HALF, MaskChoice, MirrorPicture, add_facts, picture_of_scans
 from irtscots_cl.report.along_axes import AlongAxes
 from irtscots_cl.report.quality import check_facts, fit_facts, island_facts, misfit_facts, quality_checks
@@ -34,7 +35,7 @@ from irtscots_cl.report.result_file import write_result
 from irtscots_cl.report.types import HeightErrors, MeasuredFacts, Refused
 from irtscots_cl.scene.model import Scene
 from irtscots_cl.system import interruption
-from irtscots_cl.system.atomic_files import delete_files, plain, write_json, write_text
+from irtscots_cl.system.atomic_files import plain, write_json, write_text
 
 if TYPE_CHECKING:
     from irtscots_cl.pipeline.lab_lines import CalibratedLines
@@ -75,10 +76,9 @@ def measure(
     how: a name of methods.MEASURES. strict: refuse doubtful images, too. source: the images' file, for messages.
     zernike: kind of the terms that are fitted, of coefficients.KINDS. choice: of the pixels that may be used, and of
     marks on the mirror. camera: what is known about the camera that the images come from. draw: false for no figures;
-    an earlier measurement's are deleted. Writes result.h5, figures,
-    scene.toml, report.html and report.json into the folder and returns the main facts, named as in report.json. Raises
-    RefusedImagesError if a check says that the images are wrong, ValueError if they do not fit the scene or cannot be
-    measured.
+    an earlier measurement's are deleted. Writes result.h5, figures, scene.toml, report.html and report.json into the
+    folder and returns the main facts, named as in report.json. Raises RefusedImagesError if a check says that the
+    images are wrong, ValueError if they do not fit the scene or cannot be measured.
     """
     from irtscots_cl.report.page.page import write_measured_page
 
@@ -104,16 +104,17 @@ def measure(
     attributes = {"scene": nominal.to_toml(), "measure": how} | version_attributes()
     with open_output_folder(folder):
         write_result(folder / "result.h5", stack, result, attributes, bars)
-        if draw:
-            from irtscots_cl.report.figures import write_figures
-
-            write_figures(folder / "figures", stack, result, None)
-        else:
-            delete_files(folder / "figures", FIGURES)
+        draw_figures(folder, draw, partial(_draw, stack, result))
         write_text(folder / "scene.toml", nominal.to_toml())
         write_measured_page(folder / "report.html", facts, result, bars, stack)
         write_json(folder / "report.json", plain(facts))
     return facts
+
+
+def _draw(stack: ImageStack, result: Reconstruction, folder: Path) -> None:
+    from irtscots_cl.report.figures import write_figures  # Matplotlib: only where figures are made
+
+    write_figures(folder, stack, result, None)
 
 
 def _calibrated(stack: ImageStack, nominal: Scene, camera: CameraFiles | None) -> CalibratedLines | None:

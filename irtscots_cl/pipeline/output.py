@@ -6,15 +6,18 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from irtscots_cl.pipeline.simulate import Run
 from irtscots_cl.report.result_file import write_result
 from irtscots_cl.report.seconds import with_parts
 from irtscots_cl.system import interruption
-from irtscots_cl.system.atomic_files import check_output_folder, delete_files, write_json
+from irtscots_cl.system.atomic_files import check_output_folder, draw_or_delete, write_json
 from irtscots_cl.system.versions import versions
 
+T = TypeVar("T")
 # Of a run, and of a measurement.
 FIGURES = ("images.png", "light_curve.png", "slopes.png", "height.png", "error_parts.png", "quality.png", "screen.png")
 
@@ -51,16 +54,18 @@ def write_run(
         attributes |= version_attributes()
         write_result(folder / "result.h5", run.stack, run.result, attributes, run.bars, progress)
         stored = time.perf_counter()
-        if draw:
-            _draw(run, folder / "figures")
-        else:
-            delete_files(folder / "figures", FIGURES)
+        draw_figures(folder, draw, partial(_draw, run))
         drawn = time.perf_counter()
         report["seconds"] = with_parts(report["seconds"], start=started, store=stored - began, figures=drawn - stored)
         write_page(folder / "report.html", report, run.stack, run.result, run.comparison, run.parts, run.bars)
         written = report["seconds"].get("report", 0.0) + time.perf_counter() - drawn
         report["seconds"] = with_parts(report["seconds"], report=written)
         write_json(folder / "report.json", report)
+
+
+def draw_figures(folder: Path, wanted: bool, draw: Callable[[Path], T]) -> T | None:
+    """draw(figures' folder) in an output folder; where none are wanted, an earlier command's FIGURES are deleted."""
+    return draw_or_delete(folder / "figures", FIGURES, wanted, draw)
 
 
 def _draw(run: Run, folder: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +19,13 @@ from irtscots_cl.measurement.reconstruction import Reconstruction
 from irtscots_cl.optics.setup import Setup
 from irtscots_cl.pipeline.fringes import screen_points
 from irtscots_cl.pipeline.lab_camera import RecordedImages
-from irtscots_cl.pipeline.output import FIGURES, open_output_folder, version_attributes
+from irtscots_cl.pipeline.output import draw_figures, open_output_folder, version_attributes
 from irtscots_cl.pipeline.picture import HALF, MaskChoice
 from irtscots_cl.report.along_axes import AlongAxes
 from irtscots_cl.report.fringe_file import REASON_UNIT, Rows, screen_rows, surface_rows, write_rows
 from irtscots_cl.report.types import MeasuredFacts
 from irtscots_cl.scene.model import Scene
-from irtscots_cl.system.atomic_files import delete_files, replacing, write_json, write_text
+from irtscots_cl.system.atomic_files import replacing, write_json, write_text
 
 
 def excluded(lit: BoolArray, failing: Mapping[Reason, BoolArray], use: BoolArray | None) -> Exclusions:
@@ -105,10 +106,7 @@ def write_places(
     }
     with open_output_folder(folder):
         write_rows(folder / "result.h5", in_file, attributes | version_attributes())
-        if draw:
-            _draw(result, folder / "figures")
-        else:
-            delete_files(folder / "figures", FIGURES)
+        draw_figures(folder, draw, partial(_draw, result))
         write_text(folder / "scene.toml", nominal.to_toml())
         write_measured_page(folder / "report.html", facts, result, bars)
         write_json(folder / "report.json", dict(facts))

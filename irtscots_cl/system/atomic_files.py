@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from irtscots_cl.system import interruption
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -84,14 +86,18 @@ def check_output_folder(folder: Path, files: Iterable[str] = (), folders: Iterab
                 raise ValueError(f"--out = {str(folder)!r}: {name}/{path.name} is a folder there; must be a file")
 
 
-def delete_files(folder: Path, names: Iterable[str]) -> None:
-    """Delete files of an earlier command, those that are there, and the folder if it is then empty."""
-    if not folder.is_dir():
-        return
-    for name in names:
-        (folder / name).unlink(missing_ok=True)
-    if not any(folder.iterdir()):
-        folder.rmdir()
+def draw_or_delete(folder: Path, names: Iterable[str], wanted: bool, draw: Callable[[Path], T]) -> T | None:
+    """Draw figures into a folder, which is made; where none are wanted, delete an earlier command's of these names, and
+    the folder if it is then empty."""
+    if wanted:
+        folder.mkdir(parents=True, exist_ok=True)
+        return draw(folder)
+    if folder.is_dir():
+        for name in names:
+            (folder / name).unlink(missing_ok=True)
+        if not any(folder.iterdir()):
+            folder.rmdir()
+    return None
 
 
 @contextmanager

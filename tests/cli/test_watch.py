@@ -72,6 +72,14 @@ def test_a_running_job_in_words(job, irtscots):
     assert lines["command"] == "irtscots run 'my mirror.toml'"
 
 
+def test_the_files_go_and_a_folder_that_was_there_stays(tmp_path):
+    with job_file.told_in(tmp_path, []) as own:
+        own.tell("tracing")
+        own.show({})
+        assert sorted(os.listdir(tmp_path)) == [MAP_FILE, FILE]
+    assert os.listdir(tmp_path) == []
+
+
 def test_a_process_that_is_gone_is_dead(job, irtscots):
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
