@@ -10,7 +10,6 @@ only on the differences. This is Gauss-Newton on the slopes.
 from __future__ import annotations
 
 import dataclasses
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,12 +104,6 @@ def modelled(result: Reconstruction, fit: Fit) -> Scene:
     return dataclasses.replace(result.nominal, mirror=dataclasses.replace(mirror, zernike=(terms,)))
 
 
-def _sampled(stack: ImageStack, light: PixelLight) -> list[FloatArray]:
-    """Centroids of the modelled light's curves on both scans."""
-    with ThreadPoolExecutor(2) as pool:  # NumPy works on both at once
-        return list(pool.map(lambda scan: sampled_centroids(scan, light), (stack.x, stack.y)))
-
-
 def _round(result: Reconstruction, stack: ImageStack, fit: Fit, measured: list[FloatArray] | None) -> Reconstruction:
     """One round: the surface that explains the measured curves. measured: their centroids; None: estimated anew."""
     scene, mask = modelled(result, fit), result.mask
@@ -124,13 +117,12 @@ def _round(result: Reconstruction, stack: ImageStack, fit: Fit, measured: list[F
     if result.estimates_of_scans:
         new, old = estimate_centroids(stack, result.setup, result.light_curve, light), result.estimates_of_scans
         estimates = (_with_errors_of(new[0], old[0]), _with_errors_of(new[1], old[1]))
-    sampled = None if measured is None else _sampled(stack, light)
     for k, (on_grid, mean, scan) in enumerate(zip(model, means, (stack.x, stack.y), strict=True)):
         on_grid.ravel()[pixels] = mean
         differ = np.full((1 + len(result.jackknife_slope_x), mask.size), np.nan)
         if estimates is None:
-            assert measured is not None and sampled is not None
-            differ[:, scan.pixels] = measured[k] - sampled[k]
+            assert measured is not None
+            differ[:, scan.pixels] = measured[k] - sampled_centroids(scan, light)
         elif result.light_curve == "likelihood":
             differ[:, estimates[k].scan.pixels] = estimates[k].centroid_mm
             differ -= on_grid.ravel()
