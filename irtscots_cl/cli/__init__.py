@@ -124,10 +124,12 @@ def _plain(message: str) -> str:
         kind = "a whole number" if wrong[2] == "int" else "a number"
         return f"argument {wrong[1]} = {wrong[3]!r}: must be {kind}, without commas or units"
     wrong = re.match(r"argument COMMAND: invalid choice: '(.*?)'", message)
+    if not wrong:
+        return message
     import difflib  # here alone: start-up time
 
     names = [module.__name__.rpartition(".")[2].replace("_", "-") for module in COMMANDS]
-    close = difflib.get_close_matches(wrong[1], names, 1) if wrong else ()
+    close = difflib.get_close_matches(wrong[1], names, 1)
     return f"{message}; did you mean {close[0]}?" if close else message
 
 

@@ -7,10 +7,10 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+from irtscots_cl.cli.job_file import FILE
 from irtscots_cl.cli.reproduce import NAMES
 from irtscots_cl.scene.presets import preset_names
 
-VARIABLE = "_ARGCOMPLETE"  # set by the shell's function while it completes
 COMMAND = "irtscots"
 _MEASURES = ("paper", "fine", "refined", "likelihood", "windowed")
 _REMOVED = ("none", "piston", "piston_tilt", "piston_tilt_power", "piston_tilt_power_astigmatism")
@@ -78,7 +78,8 @@ def _scenes(prefix: str, **_: object) -> list[str]:
 def _run_folders(prefix: str, **_: object) -> list[str]:
     """Folders with a finished or a running run; else all, on the way to one."""
     folders = _folders(prefix)
-    runs = [name for name in folders if any((Path(name) / file).exists() for file in ("report.json", "checkpoint"))]
+    told = ("report.json", "checkpoint", FILE)
+    runs = [name for name in folders if any((Path(name) / file).exists() for file in told)]
     return runs or folders
 
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from irtscots_cl.cli.common import command, print_json
-from irtscots_cl.cli.terminal import next_step, path_of_scene
+from irtscots_cl.cli.terminal import path_of_scene
 
 MOST_MM = 1e6
 QUESTIONS = (
@@ -92,8 +92,7 @@ def _execute(options: argparse.Namespace) -> int:
         print_json({"file": str(options.out), "binning": made.binning, "fringes": made.fringes, "toml": made.toml})
     else:
         print(made.toml, end="")
-        print(f"\nwritten to {options.out}")
-        next_step(options, f"irtscots check {path_of_scene(options.out)}")
+        print(f"\nwritten to {options.out}; next: irtscots check {path_of_scene(options.out)}")
     return 0
 
 

@@ -20,7 +20,7 @@ def test_init_then_check(irtscots, tmp_path):
     path, folder = tmp_path / "mine.toml", tmp_path / "out"
     code, out, err = irtscots("init", "--diameter", "406.4", "--f-ratio", "4", "--conic", "-1", "--out", path)
     assert (code, err) == (0, "")
-    assert path.read_text(encoding="utf-8") in out and f"written to {path}" in out
+    assert path.read_text(encoding="utf-8") in out and f"irtscots check {path}" in out
     code, out, err = irtscots("check", path, "--quick", "--out", folder, "--strict")
     assert (code, err) == (0, "")
     assert out.startswith("mine: 100% of the mirror is seen and lit") and "nothing wrong found" in out

@@ -34,6 +34,8 @@ def test_commands_options_presets_and_folders_are_completed(tmp_path):
     assert set(completed("irtscots run sphere-d", tmp_path)) == {"sphere-deviated", "sphere-doublet"}
     assert "mine.toml" in completed("irtscots check mi", tmp_path)
     assert completed("irtscots view ", tmp_path) == ["done/"]
+    (tmp_path / "other" / "progress.json").touch()
+    assert completed("irtscots watch ", tmp_path) == ["done/", "other/"]
 
 
 @pytest.mark.parametrize(
