@@ -144,6 +144,7 @@ def test_pairs_are_covered_by_few_cases():
     assert len(few) <= 13  # 9 at best, 81 cases
 
 
+@pytest.mark.second_device
 @pytest.mark.parametrize("case", BUILT, ids=lambda c: "-".join(c[family] for family in (*FAMILIES, "estimator")))
 def test_every_pair_of_files_composes_and_builds(device, case):
     choices = {family: member for family, member in case.items() if family != "estimator"}
@@ -170,6 +171,7 @@ def ways(device, precision, entries):
     return [(entry, widths[(k + turn) % len(widths)]) for k, entry in enumerate(entries)]
 
 
+@pytest.mark.second_device
 def test_polynomials_compose_and_build(device, precision):
     packed = pack(ChiefRays(lopsided_freeform()), precision)
     assert packed.choices | {"mirror": "deviated", "polynomial": "chebyshev"} == packed.choices
@@ -177,8 +179,10 @@ def test_polynomials_compose_and_build(device, precision):
     for estimator, width in itertools.product(ESTIMATORS, {1, device.vector_width(precision)}):
         source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
         assert "polynomial_chebyshev.cl" in source.files
+        build(device, source)
 
 
+@pytest.mark.second_device
 @pytest.mark.parametrize("asphere", ["even", "odd"])
 def test_every_kind_of_asphere_composes_and_builds(device, precision, asphere):
     packed = pack(ChiefRays(asphere_scene({"even": "deviated"}.get(asphere, asphere))), precision)
@@ -215,6 +219,7 @@ def test_every_kind_of_camera_and_screen_composes_and_builds(device, precision, 
 
 
 @pytest.mark.parametrize("shape", ["hexagon", "parts", "mask"])
+@pytest.mark.second_device
 def test_every_kind_of_outline_composes_and_builds(device, precision, shape, tmp_path):
     """Chords where they are in one piece."""
     scene = with_part(scene_for(next(all_choices())), "mirror", outline=outline_of(shape, 300.0, tmp_path))

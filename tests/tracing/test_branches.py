@@ -54,6 +54,7 @@ def assert_closed(light):
     assert light.ends["parted"] > 0
 
 
+@pytest.mark.second_device
 def test_a_plate_and_its_ghosts(device):
     """(1 - R)^2, (1 - R)^2 R^2 and (1 - R)^2 R^4 of the light without the plate, which the same rays bring."""
     light = light_of(wide(load_scene("sphere-window")), device)

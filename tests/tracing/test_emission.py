@@ -247,6 +247,7 @@ def test_the_presets_keep_one_cone(name):
     assert len(emission.cones) == 1 and emission.shares.tolist() == [1.0]
 
 
+@pytest.mark.second_device
 @pytest.mark.parametrize("sampler", ["philox", "sobol", "lattice"])
 def test_any_cut_into_launches_gives_the_same_bits_with_several_cones(device, sampler):
     """And any sampler the same light."""

@@ -64,6 +64,7 @@ def test_the_presets_keep_ten_events_and_short_codes(name, elements):
     assert (task.bounce_limit, task.code_length) == (10, "short")
 
 
+@pytest.mark.second_device
 def test_long_codes_change_no_light_of_short_paths(device):
     """The same random numbers, whatever the code's length: the direct light and its image, to the bit."""
     scene = load_scene("sphere-singlet")

@@ -301,6 +301,7 @@ def test_a_real_lens_passes_the_light_that_the_oracle_says(device, name):
     assert Z * math.hypot(error_w / expected, error) < 0.02  # less than a single surface reflects
 
 
+@pytest.mark.second_device
 def test_paths_tell_how_sharp_they_are(device):
     """Of the path by its name; what is in no path of its own has no focus. tests/test_sequence.py has the figures."""
     paths = {path.name: path for path in lens_light("sphere-singlet", device).paths}
@@ -450,6 +451,7 @@ def test_replicates_are_independent_parts_of_the_rays(device):
     assert np.isnan(alone.paths[0].standard_error_w)
 
 
+@pytest.mark.second_device
 def test_rays_are_given_up_at_the_bounce_limit(device):
     """Of the same rays, two events leave those to be given up that three detect: the detector is the third element."""
     scene = load_scene("sphere")

@@ -77,6 +77,7 @@ def test_a_rough_mirrors_specular_light_falls_by_the_cosines_square(device, degr
         assert (1 - share) / at_normal == pytest.approx(0.25, rel=0.03, abs=0)
 
 
+@pytest.mark.second_device
 def test_all_light_of_a_rough_mirror_ends_somewhere(device):
     """What scatters is what the specular light lost, in the mean over directions: the lobe is scaled to it."""
     scene = coarse_screen(normal_and_oblique(60))
