@@ -176,7 +176,7 @@ def test_polynomials_compose_and_build(device, precision):
     packed = pack(ChiefRays(lopsided_freeform()), precision)
     assert packed.choices | {"mirror": "deviated", "polynomial": "chebyshev"} == packed.choices
     choices = packed.choices | {"sampler": "philox", "accumulate": "atomic", "ramps": "steps"}
-    for estimator, width in itertools.product(ESTIMATORS, {1, device.vector_width(precision)}):
+    for estimator, width in ways(device, precision, ESTIMATORS):
         source = compose(f"trace_{estimator}.cl", choices, packed.structs, precision, width, packed.constants)
         assert "polynomial_chebyshev.cl" in source.files
         build(device, source)
